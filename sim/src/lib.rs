@@ -1,11 +1,11 @@
 //! The world around the sensor: scenes, ray casting, the scanner.
 //!
-//! 1. [`scene::generate`] makes a place, [`import::load_scene`] reads one: triangles with
+//! 1. [`scene::generate`] generates a place, [`import::load_scene`] reads one: triangles with
 //!    materials.
 //! 2. [`viewpoint::sample_pairs`] finds pairs of poses in it that a surveyor could scan from.
-//! 3. [`scanner::Scanner::scan`] traces every beam from a pose. The answer holds the place and
-//!    nothing of the sensor's settings.
-//! 4. [`picture::draw`] shows a scene to people.
+//! 3. [`scanner::Scanner::scan`] traces every beam from a pose. The returns depend on the place, and
+//!    not on the settings of the sensor.
+//! 4. [`picture::draw`] draws a picture of a scene.
 //!
 //! ```
 //! use echoloop_sim::raycast::Raycaster;
@@ -32,4 +32,5 @@ pub mod raycast;
 pub mod roads;
 pub mod scanner;
 pub mod scene;
+mod vector;
 pub mod viewpoint;

@@ -1,31 +1,31 @@
-//! Still pictures of a scene, by casting rays: no graphics card, no browser, the same bytes on
-//! every machine.
+//! Still pictures of a scene by ray casting: no graphics card, no browser, the same bytes on every
+//! machine.
 //!
-//! A picture shows where things are and of what they are made, by [`colour`]. It is no measurement:
-//! what the sensor gets back at 905 nm is [`crate::scene::Material::backscatter`].
+//! Colours are those of [`colour`], not measurements; the strength of echoes at 905 nm is
+//! [`crate::scene::Material::backscatter`].
 
+mod camera;
 mod colour;
-mod eye;
-mod light;
+mod shading;
 
 use rayon::prelude::*;
 
 use crate::raycast::Raycaster;
 use crate::scene::Scene;
 
+use camera::Camera;
+pub use camera::{PITCH_RAD, YAW_RAD, shown_box};
 pub use colour::colour;
-use eye::Eye;
-pub use eye::{PITCH_RAD, YAW_RAD, shown_box};
-use light::{Sight, encoded, mean};
+use shading::{Shader, encoded, mean};
 
-/// Pixels that share a packet of rays: the nearer rays are, the faster they are cast.
-const TOGETHER: usize = 4;
+/// Pixels whose rays are cast as one packet: close rays are cast faster.
+const PACKET_PIXELS: usize = 4;
 
-/// Where in a pixel its four rays pass, of its side: a rotated grid, on which no two share a row or
-/// a column, so that edges that are nearly level or upright get four steps.
+/// Positions of the four rays within a pixel, fractions of its side. In this rotated grid no two
+/// rays share a row or a column, so nearly horizontal or vertical edges get four steps.
 const SAMPLES: [[f64; 2]; 4] = [[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]];
 
-/// A picture.
+/// Pixels of a picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
     /// Pixels across.
@@ -36,18 +36,17 @@ pub struct Picture {
     pub pixels: Vec<[u8; 3]>,
 }
 
-/// Draws a scene as seen from above and beside the box that [`shown_box`] says.
-///
-/// Four rays a pixel; sun, sky and the sun's shadows.
+/// Draws the box of [`shown_box`] from above and beside, four rays a pixel, with sun, sky and
+/// shadows.
 #[must_use]
 pub fn draw(scene: &Scene, caster: &Raycaster, [width, height]: [usize; 2]) -> Picture {
-    let eye = Eye::beside(shown_box(scene), width.max(1) as f64 / height.max(1) as f64);
-    let sight = Sight::new(scene, caster, &eye);
+    let camera = Camera::beside(shown_box(scene), width.max(1) as f64 / height.max(1) as f64);
+    let shader = Shader::new(scene, caster, &camera);
     let row = |row: usize| {
         let across: Vec<usize> = (0..width).collect();
-        let pixels = across.chunks(TOGETHER).flat_map(|together| {
-            let directions = directions(&eye, together, row, [width, height]);
-            let colours = sight.along(&directions);
+        let pixels = across.chunks(PACKET_PIXELS).flat_map(|together| {
+            let directions = directions(&camera, together, row, [width, height]);
+            let colours = shader.along(&directions);
             colours.chunks(SAMPLES.len()).map(|rays| encoded(mean(rays))).collect::<Vec<_>>()
         });
         pixels.collect::<Vec<_>>()
@@ -56,12 +55,12 @@ pub fn draw(scene: &Scene, caster: &Raycaster, [width, height]: [usize; 2]) -> P
     Picture { width, height, pixels }
 }
 
-/// Those of some pixels of a row, four each.
-fn directions(eye: &Eye, columns: &[usize], row: usize, size: [usize; 2]) -> Vec<[f32; 3]> {
+/// Directions of the rays of some pixels of a row, four each.
+fn directions(camera: &Camera, columns: &[usize], row: usize, size: [usize; 2]) -> Vec<[f32; 3]> {
     let of = |column: usize| {
         SAMPLES.map(|[x, y]| {
             let share = |at: usize, within: f64, of: usize| (at as f64 + within) / of as f64;
-            eye.direction([share(column, x, size[0]), share(row, y, size[1])])
+            camera.direction([share(column, x, size[0]), share(row, y, size[1])])
         })
     };
     columns.iter().flat_map(|&column| of(column)).collect()
@@ -97,7 +96,7 @@ mod tests {
         draw(&scene, &Raycaster::new(&scene), size)
     }
 
-    /// Which of red, green and blue is the largest.
+    /// Largest of red, green and blue.
     fn hue([r, g, b]: [u8; 3]) -> char {
         match (r.max(b) < g, r > b) {
             (true, _) => 'g',
@@ -119,15 +118,15 @@ mod tests {
     }
 
     #[test]
-    fn the_cube_has_three_faces_of_their_own_light_and_casts_a_shadow() {
+    fn the_three_visible_faces_of_the_cube_differ_in_shade_and_it_casts_a_shadow() {
         let pixels = drawn([240, 150]).pixels;
-        let often = |of: char| {
+        let shades_of = |of: char| {
             let mut seen = std::collections::BTreeMap::new();
             pixels
                 .iter()
                 .filter(|&&p| hue(p) == of)
                 .for_each(|&p| *seen.entry(p).or_insert(0) += 1);
-            // Faces differ a little by their distance: shades within 6 of each other are one.
+            // Haze shades a face by distance: shades within 12 of each other count as one.
             let mut shades: Vec<u8> = Vec::new();
             for (pixel, count) in seen {
                 let level = pixel.into_iter().max().unwrap_or_default();
@@ -137,8 +136,8 @@ mod tests {
             }
             shades.len()
         };
-        assert!(often('r') >= 3, "{} shades of brick", often('r'));
-        assert!(often('g') >= 2, "{} shades of lawn", often('g'));
+        assert!(shades_of('r') >= 3, "{} shades of brick", shades_of('r'));
+        assert!(shades_of('g') >= 2, "{} shades of lawn", shades_of('g'));
     }
 
     #[test]

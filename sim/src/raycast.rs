@@ -1,9 +1,13 @@
-//! Where a ray first meets a scene.
+//! Ray casting: the first surface along a ray, by a bounding volume hierarchy eight boxes wide.
+//!
+//! The crate `obvhs` builds the hierarchy. It is traversed here, because rays from one place are
+//! cast as a packet and each must hit what it would hit alone, without a gap at shared edges and
+//! with ties decided by the order of the mesh.
 
 mod frustum;
 mod packet;
 mod triangle;
-mod wide;
+mod wide_bvh;
 
 use std::time::Duration;
 
@@ -12,22 +16,22 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
 
 use crate::scene::{Mesh, Scene};
+use crate::vector::{dot, sub};
 use frustum::DEPTH;
-use packet::{LANES, Meeting, nearest, nearest_alone};
+use packet::{LANES, LeafHit, nearest, nearest_single};
 use triangle::{Triangle, cos_incidence};
-pub(crate) use triangle::{difference, dot};
-use wide::{Wide, widen};
+use wide_bvh::{WideNode, widen};
 
-/// One triangle a leaf: eight of them are told apart by their boxes at once, so that larger leaves
-/// gain 5 % in a scan and lose as much of a build as a scan takes. The library's medium build takes
-/// half as long again and gains nothing.
+/// One triangle a leaf: eight leaves are told apart by their boxes at once. Larger leaves make a
+/// scan 5 % faster, and a build slower by as much as a scan takes. The medium build of `obvhs`
+/// takes half as long again and gains nothing.
 const BUILD: BvhBuildParams =
     BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::fast_build() };
 
-/// So few rays are cast faster one by one than as a packet.
-const FEW: usize = 4;
+/// Least number of rays that are faster as a packet than one by one.
+const MIN_PACKET: usize = 4;
 
-/// The nearest surface along a ray.
+/// Nearest surface along a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Distance from the ray's origin, metres.
@@ -42,21 +46,21 @@ pub struct Hit {
 
 /// A bounding volume hierarchy over a scene's triangles.
 ///
-/// Triangles count from both sides. Neighbours that share an edge leave no gap: the test is that of
-/// Woop, Benthin and Wald (JCGT 2013), which decides an edge with the same numbers from either
-/// side, and the boxes of the hierarchy are padded by more than their rounding. Of two triangles in
-/// exactly the same distance a ray meets the one that comes later in the mesh.
+/// Triangles count from both sides. Neighbours that share an edge leave no gap: the test of Woop,
+/// Benthin and Wald (JCGT 2013) evaluates an edge with the same numbers from either side, and the
+/// boxes of the hierarchy are padded by more than their rounding. Of two triangles at exactly the
+/// same distance, the later one of the mesh is hit.
 #[derive(Clone)]
 pub struct Raycaster {
-    nodes: Vec<Wide>,
-    /// In the order of the hierarchy's leaves.
+    nodes: Vec<WideNode>,
+    /// Triangles in the order of the leaves.
     triangles: Vec<Triangle>,
 }
 
-/// The box round a triangle, as the hierarchy wants it.
-struct Padded([[f32; 3]; 3]);
+/// Corners of a triangle, whose box for the hierarchy is padded.
+struct PaddedTriangle([[f32; 3]; 3]);
 
-impl Boundable for Padded {
+impl Boundable for PaddedTriangle {
     fn aabb(&self) -> Aabb {
         let low: [f32; 3] =
             std::array::from_fn(|i| self.0.iter().fold(f32::INFINITY, |m, p| m.min(p[i])));
@@ -78,8 +82,8 @@ impl Raycaster {
     /// As [`Raycaster::new`], for a mesh that is not yet a scene.
     #[must_use]
     pub fn from_mesh(mesh: &Mesh) -> Self {
-        let boxes: Vec<Padded> =
-            (0..mesh.triangles.len()).map(|t| Padded(mesh.corners(t))).collect();
+        let boxes: Vec<PaddedTriangle> =
+            (0..mesh.triangles.len()).map(|t| PaddedTriangle(mesh.corners(t))).collect();
         let bvh = build_bvh2(&boxes, BUILD, &mut Duration::default());
         let triangle = |&index: &u32| Triangle {
             corners: mesh.corners(index as usize),
@@ -90,24 +94,23 @@ impl Raycaster {
         Self { nodes: widen(&bvh), triangles }
     }
 
-    /// The first surface from `origin` (metres) along `direction` (unit).
+    /// First surface from `origin` (metres) along `direction` (unit).
     #[must_use]
     pub fn cast(&self, origin: [f32; 3], direction: [f32; 3]) -> Option<Hit> {
         self.cast_within(origin, direction, f32::INFINITY)
     }
 
-    /// As [`Raycaster::cast`], up to `max_m`.
+    /// As [`Raycaster::cast`], within `max_m`.
     #[must_use]
     pub fn cast_within(&self, origin: [f32; 3], direction: [f32; 3], max_m: f32) -> Option<Hit> {
-        let met = nearest_alone(&self.nodes, &self.triangles, origin, direction, max_m);
+        let met = nearest_single(&self.nodes, &self.triangles, origin, direction, max_m);
         self.hit(met, direction)
     }
 
-    /// [`Raycaster::cast`] for each of many directions from one place: the faster, the nearer they
-    /// are to each other.
+    /// [`Raycaster::cast`] for many directions from one place; the closer they are, the faster.
     #[must_use]
     pub fn cast_beam(&self, origin: [f32; 3], directions: &[[f32; 3]]) -> Vec<Option<Hit>> {
-        if directions.len() < FEW {
+        if directions.len() < MIN_PACKET {
             return directions.iter().map(|&direction| self.cast(origin, direction)).collect();
         }
         let mut hits = Vec::with_capacity(directions.len());
@@ -119,7 +122,7 @@ impl Raycaster {
         hits
     }
 
-    fn hit(&self, Meeting { slot, range_m, .. }: Meeting, direction: [f32; 3]) -> Option<Hit> {
+    fn hit(&self, LeafHit { slot, range_m, .. }: LeafHit, direction: [f32; 3]) -> Option<Hit> {
         let triangle = self.triangles.get(slot as usize)?;
         Some(Hit {
             range_m,
@@ -129,10 +132,10 @@ impl Raycaster {
         })
     }
 
-    /// True when nothing lies between two points, metres.
+    /// True when no surface lies between two points, metres.
     #[must_use]
     pub fn sees(&self, from: [f32; 3], to: [f32; 3]) -> bool {
-        let way = difference(to, from);
+        let way = sub(to, from);
         let distance = dot(way, way).sqrt();
         distance == 0.0 || self.cast_within(from, way.map(|x| x / distance), distance).is_none()
     }
@@ -141,7 +144,7 @@ impl Raycaster {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raycast::triangle::Sheared;
+    use crate::raycast::triangle::ShearedRay;
     use crate::scene::{SceneKind, generate};
     use echoloop_random::Generator;
 
@@ -155,6 +158,15 @@ mod tests {
 
     fn point(rng: &mut Generator, half: f64) -> [f32; 3] {
         std::array::from_fn(|_| rng.spread(half) as f32)
+    }
+
+    fn unit(way: [f32; 3]) -> [f32; 3] {
+        way.map(|x| x / dot(way, way).sqrt())
+    }
+
+    /// Direction near `aim`: each component differs by `width` at most before it is scaled.
+    fn near(rng: &mut Generator, aim: [f64; 3], width: f64) -> [f32; 3] {
+        unit(std::array::from_fn(|i| (aim[i] + rng.spread(width)) as f32))
     }
 
     /// A sphere of flat faces with shared corners, radius 10 m.
@@ -185,12 +197,12 @@ mod tests {
         b
     }
 
-    /// Range and triangle of the nearest, of two the later, by trying all.
-    fn tried(mesh: &Mesh, origin: [f32; 3], direction: [f32; 3]) -> Option<(f32, u32)> {
-        let ray = Sheared::new(origin, direction);
-        let meet = |t: usize| (ray.meets(&mesh.corners(t)), t as u32);
+    /// Range and triangle of the nearest hit by brute force; the later triangle on a tie.
+    fn brute_force(mesh: &Mesh, origin: [f32; 3], direction: [f32; 3]) -> Option<(f32, u32)> {
+        let ray = ShearedRay::new(origin, direction);
+        let hit = |t: usize| (ray.distance_m(&mesh.corners(t)), t as u32);
         let nearer = |a: (f32, u32), b: (f32, u32)| if b.0 <= a.0 { b } else { a };
-        let met = (0..mesh.triangles.len()).map(meet).fold((f32::INFINITY, 0), nearer);
+        let met = (0..mesh.triangles.len()).map(hit).fold((f32::INFINITY, 0), nearer);
         (met.0 < f32::INFINITY).then_some(met)
     }
 
@@ -205,7 +217,7 @@ mod tests {
             let found = caster.cast(origin, direction);
             assert_eq!(
                 found.map(|hit| (hit.range_m, hit.triangle)),
-                tried(&mesh, origin, direction)
+                brute_force(&mesh, origin, direction)
             );
             hits += usize::from(found.is_some());
         }
@@ -213,11 +225,11 @@ mod tests {
     }
 
     #[test]
-    fn of_triangles_in_the_same_distance_the_last_of_the_mesh_counts_in_any_hierarchy() {
+    fn on_a_tie_in_distance_the_last_triangle_of_the_mesh_is_hit_in_any_hierarchy() {
         let mut rng = Generator::new(16, 0);
         let mut hits = 0;
         for round in 0..20 {
-            // Walls of triangles in one plane, and every triangle twice more, farther on.
+            // Coplanar triangles, some of them twice or three times.
             let mut corner = || [5.0, rng.spread(3.0) as f32, rng.spread(3.0) as f32];
             let wall: Vec<[[f32; 3]; 3]> = (0..60).map(|_| [0; 3].map(|_| corner())).collect();
             let mesh = mesh([&wall[..], &wall[..30], &wall[20..]].concat());
@@ -225,13 +237,10 @@ mod tests {
             for _ in 0..100 {
                 let origin = point(&mut rng, 2.0);
                 let aim = [1.0, 0.3 * rng.spread(1.0), 0.3 * rng.spread(1.0)];
-                let rays: [[f32; 3]; 25] = std::array::from_fn(|_| {
-                    let way: [f32; 3] = std::array::from_fn(|i| (aim[i] + rng.spread(0.02)) as f32);
-                    way.map(|x| x / dot(way, way).sqrt())
-                });
+                let rays: [[f32; 3]; 25] = std::array::from_fn(|_| near(&mut rng, aim, 0.02));
                 let found = caster.cast_beam(origin, &rays);
                 for (hit, &ray) in found.iter().zip(&rays) {
-                    let expected = tried(&mesh, origin, ray);
+                    let expected = brute_force(&mesh, origin, ray);
                     assert_eq!(hit.map(|h| (h.range_m, h.triangle)), expected, "round {round}");
                     assert_eq!(*hit, caster.cast(origin, ray));
                     hits += usize::from(hit.is_some());
@@ -242,27 +251,24 @@ mod tests {
     }
 
     #[test]
-    fn a_town_is_hit_where_trying_all_its_triangles_says() {
+    fn a_generated_scene_is_hit_where_brute_force_says() {
         let mut rng = Generator::new(17, 0);
         for kind in [SceneKind::Structured, SceneKind::SemiStructured, SceneKind::Unstructured] {
             let mesh = generate(kind, 3).mesh;
             let caster = Raycaster::from_mesh(&mesh);
             let origin = [rng.spread(20.0) as f32, rng.spread(20.0) as f32, 12.0];
             let aim = [rng.spread(1.0), rng.spread(1.0), -0.2];
-            let rays: [[f32; 3]; 25] = std::array::from_fn(|_| {
-                let way: [f32; 3] = std::array::from_fn(|i| (aim[i] + rng.spread(0.002)) as f32);
-                way.map(|x| x / dot(way, way).sqrt())
-            });
+            let rays: [[f32; 3]; 25] = std::array::from_fn(|_| near(&mut rng, aim, 0.002));
             let found = caster.cast_beam(origin, &rays);
             assert!(found.iter().any(Option::is_some));
             for (hit, ray) in found.iter().zip(rays) {
-                assert_eq!(hit.map(|h| (h.range_m, h.triangle)), tried(&mesh, origin, ray));
+                assert_eq!(hit.map(|h| (h.range_m, h.triangle)), brute_force(&mesh, origin, ray));
             }
         }
     }
 
     #[test]
-    fn a_surface_at_the_end_of_a_way_does_not_hide_it() {
+    fn a_surface_at_the_target_point_does_not_hide_it() {
         let caster = Raycaster::from_mesh(&mesh(vec![
             [[5.0, -9.0, -9.0], [5.0, 9.0, -9.0], [5.0, 0.0, 9.0]],
             [[5.0, -9.0, -9.0], [5.0, 9.0, -9.0], [5.0, 0.0, 9.0]],
@@ -271,7 +277,7 @@ mod tests {
         assert!(!caster.sees([0.0; 3], [5.001, 0.0, 0.0]));
     }
 
-    /// Triangles of all sizes, many of them overlapping.
+    /// Triangles of many sizes, many of them overlapping.
     fn soup(rng: &mut Generator, count: usize) -> Mesh {
         let triangle = |_| {
             let (centre, size) = (point(rng, 10.0), rng.range(0.05, 4.0));
@@ -284,19 +290,15 @@ mod tests {
     }
 
     #[test]
-    fn each_ray_of_a_beam_meets_what_it_meets_alone() {
+    fn each_ray_of_a_beam_hits_what_it_hits_alone() {
         let mut rng = Generator::new(13, 0);
         let caster = Raycaster::from_mesh(&soup(&mut rng, 2000));
         let mut hits = 0;
         for k in 0..2000 {
-            // From rays that are nearly one to rays all round; packets that are full and not.
+            // From nearly parallel rays to rays all round; full and partial packets.
             let (origin, axis) = (point(&mut rng, 12.0), rng.direction());
             let width = [1e-3, 1e-2, 0.3, 3.0][k % 4];
-            let mut ray = || {
-                let way: [f32; 3] = std::array::from_fn(|i| (axis[i] + rng.spread(width)) as f32);
-                way.map(|x| x / dot(way, way).sqrt())
-            };
-            let rays: Vec<[f32; 3]> = (0..k % 35).map(|_| ray()).collect();
+            let rays: Vec<[f32; 3]> = (0..k % 35).map(|_| near(&mut rng, axis, width)).collect();
             let alone: Vec<Option<Hit>> = rays.iter().map(|&r| caster.cast(origin, r)).collect();
             assert_eq!(caster.cast_beam(origin, &rays), alone);
             hits += alone.iter().flatten().count();
@@ -305,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn of_triangles_in_one_plane_a_beam_meets_those_that_its_rays_meet_alone() {
+    fn rays_of_a_beam_hit_coplanar_triangles_as_they_do_alone() {
         let mut rng = Generator::new(15, 0);
         let corner = |rng: &mut Generator| [5.0, rng.spread(3.0) as f32, rng.spread(3.0) as f32];
         let triangles = (0..40).map(|_| [0; 3].map(|_| corner(&mut rng))).collect();
@@ -313,17 +315,14 @@ mod tests {
         for _ in 0..2000 {
             let origin = point(&mut rng, 2.0);
             let aim = [1.0, 0.3 * rng.spread(1.0), 0.3 * rng.spread(1.0)];
-            let rays: [[f32; 3]; 25] = std::array::from_fn(|_| {
-                let way: [f32; 3] = std::array::from_fn(|i| (aim[i] + rng.spread(0.02)) as f32);
-                way.map(|x| x / dot(way, way).sqrt())
-            });
+            let rays: [[f32; 3]; 25] = std::array::from_fn(|_| near(&mut rng, aim, 0.02));
             let alone = rays.map(|ray| caster.cast(origin, ray));
             assert_eq!(caster.cast_beam(origin, &rays), alone);
         }
     }
 
     #[test]
-    fn rays_of_a_beam_along_edges_and_corners_leak_nowhere_either() {
+    fn rays_of_a_beam_at_edges_and_corners_do_not_leak() {
         let mut rng = Generator::new(14, 0);
         let mesh = closed(&mut rng);
         let caster = Raycaster::from_mesh(&mesh);
@@ -333,8 +332,7 @@ mod tests {
                 let [a, b, _] = mesh.corners(rng.index(mesh.triangles.len()));
                 let target =
                     if k % 2 == 0 { a } else { std::array::from_fn(|i| 0.5 * (a[i] + b[i])) };
-                let way = difference(target, origin);
-                way.map(|x| x / dot(way, way).sqrt())
+                unit(sub(target, origin))
             });
             for (hit, ray) in caster.cast_beam(origin, &rays).iter().zip(rays) {
                 assert_eq!(*hit, caster.cast(origin, ray));
@@ -357,8 +355,7 @@ mod tests {
                 let [a, b, _] = mesh.corners(rng.index(mesh.triangles.len()));
                 let target =
                     if k % 4 == 1 { a } else { std::array::from_fn(|i| 0.5 * (a[i] + b[i])) };
-                let way = difference(target, origin);
-                way.map(|x| x / dot(way, way).sqrt())
+                unit(sub(target, origin))
             };
             assert!(
                 caster.cast(origin, direction).is_some(),

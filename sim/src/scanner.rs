@@ -1,7 +1,7 @@
-//! What a scene sends back to a scanner's beams, before any electronics (docs/physics.md §1).
+//! Returns of a scene to the beams of a scanner, before any electronics (docs/physics.md §1).
 //!
-//! The answer holds everything about the place and nothing about the sensor's settings, so a pose
-//! is traced once and every candidate Θ_lidar renders its waveforms from it.
+//! They depend on the scene and the pose, and not on the settings of the sensor: a pose is traced
+//! once and every candidate Θ_lidar renders its waveforms from it.
 
 use std::f32::consts::PI;
 
@@ -13,23 +13,22 @@ use rayon::prelude::*;
 use crate::raycast::{Hit, Raycaster};
 use crate::scene::Material;
 
-/// Returns closer together than this are one, metres.
+/// Range span within which returns merge, metres.
 ///
-/// 3 cm of range is 0.2 ns of round trip, 1/25 of the default pulse: two equal sin² pulses at its
-/// ends sum to one whose peak is 0.1 % lower, while most beams shrink from 25 returns to one or
-/// two.
+/// 3 cm of range is 0.2 ns of round trip, 1/25 of the default pulse. Two equal sin² pulses that far
+/// apart sum to a peak 0.1 % lower, while most beams shrink from 25 returns to one or two.
 pub const CLUSTER_SPAN_M: f64 = 0.03;
 
-/// Nearer than this nothing comes back more strongly: half of the least range that a receiver sees.
+/// Range below which the strength no longer grows, metres: half of the least range that a receiver
+/// sees.
 const NEAREST_M: f32 = 0.2;
 
-/// The shape of a beam.
+/// Shape of a beam.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BeamOptics {
-    /// Full widths, mrad: along increasing azimuth, along increasing elevation. The outermost
-    /// sub-rays lie at ± half.
+    /// Full widths along azimuth and along elevation, mrad. The outermost sub-rays lie at ± half.
     pub divergence_mrad: [f64; 2],
-    /// Sub-rays along each width, odd; an even count means the next odd one.
+    /// Sub-rays along each width; an even count is rounded up to the next odd one.
     pub subrays: u8,
 }
 
@@ -59,8 +58,8 @@ impl Scanner {
         Self::scan_moving(caster, materials, |_| *world_from_sensor, directions, optics)
     }
 
-    /// As [`Scanner::scan`], from a pose of its own for each beam, by its index: a sensor that
-    /// moves while it scans.
+    /// As [`Scanner::scan`], from a pose for each beam by its index: a sensor that moves while it
+    /// scans.
     #[must_use]
     pub fn scan_moving(
         caster: &Raycaster,
@@ -86,10 +85,10 @@ impl Scanner {
     }
 }
 
-/// A sub-ray: offsets along azimuth and elevation, radians, and its share of the power.
+/// Sub-ray: its offsets along azimuth and elevation, radians, and its share of the power.
 type SubRay = ([f64; 2], f64);
 
-/// `w ∝ 2^(−d²)`, d the distance from the middle in grid steps, Σw = 1.
+/// Grid of sub-rays of a beam: `w ∝ 2^(−d²)`, d the distance from the middle in grid steps, Σw = 1.
 fn footprint(optics: &BeamOptics) -> Vec<SubRay> {
     let half = i32::from(optics.subrays / 2);
     let offset = |k: i32, axis: usize| {
@@ -103,8 +102,7 @@ fn footprint(optics: &BeamOptics) -> Vec<SubRay> {
     grid.into_iter().map(|(at, weight)| (at, weight / total)).collect()
 }
 
-/// World directions of the sub-rays of a beam along `direction`, unit vectors: row by row of
-/// increasing elevation.
+/// World directions of the sub-rays of a beam, unit vectors, row by row of increasing elevation.
 #[must_use]
 pub fn sub_rays(
     direction: &[f32; 3],
@@ -120,7 +118,7 @@ fn spread(
     world_from_sensor: &Isometry3<f64>,
 ) -> Vec<[f32; 3]> {
     let axis = Vector3::from(direction.map(f64::from));
-    // Straight up or down there is no azimuth: any two directions square to the beam will do.
+    // Straight up or down has no azimuth: any two directions square to the beam serve.
     let azimuth = Vector3::z().cross(&axis).try_normalize(1e-6).unwrap_or_else(Vector3::y);
     let elevation = axis.cross(&azimuth);
     let frame = [axis, azimuth, elevation].map(|v| (world_from_sensor.rotation * v).into());
@@ -129,7 +127,7 @@ fn spread(
     rays
 }
 
-/// Sub-rays at a time.
+/// Sub-rays computed at a time.
 const FAN: usize = 32;
 
 dispatch! {
@@ -168,14 +166,14 @@ fn echo(hit: &Hit, materials: &[Material], weight: f64) -> Option<(f64, f64)> {
     (strength > 0.0).then_some((f64::from(hit.range_m), strength))
 }
 
-/// `ρ cosθ / (π R²)`: what a surface sends back to each m² beside the sensor, of the light on it.
+/// `ρ cosθ / (π R²)`: share of the light on a surface that it returns to each m² at the sensor.
 pub(crate) fn backscattered(material: &Material, cos_incidence: f32, range_m: f32) -> f32 {
     let albedo = material.backscatter(cos_incidence);
     albedo * cos_incidence / PI / range_m.max(NEAREST_M).powi(2)
 }
 
-/// Merges echoes within [`CLUSTER_SPAN_M`] of the nearest of their group; ranges average by
-/// strength.
+/// Merges echoes within [`CLUSTER_SPAN_M`] of the nearest of their group; the range is the mean
+/// weighted by strength.
 fn cluster(echoes: &mut [(f64, f64)]) -> Vec<Return> {
     echoes.sort_by(|a, b| a.0.total_cmp(&b.0));
     groups(echoes, CLUSTER_SPAN_M).map(merge).filter(|r| r.strength_per_m2 > 0.0).collect()
@@ -187,7 +185,7 @@ fn merge(group: &[(f64, f64)]) -> Return {
     Return { range_m: (moment / strength) as f32, strength_per_m2: strength as f32 }
 }
 
-/// Splits sorted echoes into groups that reach `span_m` from their first member.
+/// Splits sorted echoes into groups within `span_m` of their first member.
 fn groups(echoes: &[(f64, f64)], span_m: f64) -> impl Iterator<Item = &[(f64, f64)]> {
     let mut rest = echoes;
     std::iter::from_fn(move || {
@@ -240,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_seen_squarely_gives_rho_over_pi_r_squared() {
+    fn a_wall_at_normal_incidence_gives_rho_over_pi_r_squared() {
         for range in [2.0_f32, 10.0, 50.0, 100.0, 200.0] {
             let response = look(&walls(&[(range, 40.0, 0.0)]), &BeamOptics::default());
             let [echo] = response.of(0) else { panic!("one return at {range}") };
@@ -251,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_seen_at_an_angle_gives_its_cosine() {
+    fn a_wall_at_oblique_incidence_gives_its_cosine() {
         for degrees in [20.0_f32, 45.0, 70.0, 80.0] {
             let response =
                 look(&walls(&[(20.0, 40.0, degrees.to_radians())]), &BeamOptics::default());
@@ -337,7 +335,7 @@ mod tests {
             let [echo] = response.of(0) else { panic!("axis {axis}: one return") };
             let expected = share * 0.1 / PI / 100.0;
             assert!((echo.strength_per_m2 / expected - 1.0).abs() < 0.01, "axis {axis}");
-            // Nothing reaches farther.
+            // Beyond the outermost sub-rays the beam hits nothing.
             for corner in &mut near.vertices {
                 corner[axis] += 0.5 * edge_m;
             }

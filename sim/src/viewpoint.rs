@@ -1,4 +1,4 @@
-//! Where a surveyor could stand: pairs of sensor poses in a scene.
+//! Viewpoints: pairs of sensor poses in a scene at which a surveyor could stand.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use thiserror::Error;
@@ -7,49 +7,49 @@ use crate::raycast::Raycaster;
 use crate::scene::{Placement, Scene};
 use echoloop_random::Generator;
 
-mod alone;
 mod ground;
 mod overlap;
+mod single_viewpoint;
 mod split;
 
-pub use alone::{Footing, Standpoint, stand_alone, stands_aloft};
 use ground::GroundMap;
 pub use overlap::Sight;
+pub use single_viewpoint::{Footing, Standpoint, stand_alone, stands_aloft};
 pub use split::Split;
 use split::Territory;
 
 /// Free space a sensor needs to every side, metres.
 const CLEARANCE_M: f32 = 1.0;
-/// Structure counts up to this range, metres.
+/// Largest range of structure, metres.
 const STRUCTURE_M: f32 = 60.0;
-/// Share of level rays into the field of view that must meet structure.
+/// Least share of rays into the field of view that must meet structure.
 const STRUCTURE_SHARE: f64 = 0.3;
-/// So far from the middle of its lane a sensor drives at most, metres.
-const ASIDE_M: f64 = 0.5;
-/// Candidates tried a pair before giving up.
+/// Largest distance of a sensor from the middle of its lane, metres.
+const MAX_LANE_OFFSET_M: f64 = 0.5;
+/// Candidates tried per pair before giving up.
 const ATTEMPTS_A_PAIR: usize = 2000;
 
-/// What pairs to sample.
+/// Plan of the pairs to sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairPlan {
     /// Pairs wanted.
     pub count: usize,
     /// Horizontal distance from the first sensor to the second, metres.
     pub baseline_m: f64,
-    /// Up to how many times as far apart some are: each throw has a distance between, drawn evenly.
+    /// Largest distance of a pair as a multiple of `baseline_m`; each is drawn uniformly up to it.
     pub baseline_factor: f64,
-    /// How many pairs, the first, have such a distance; those after them are `baseline_m` apart.
+    /// Number of pairs, the first ones, with such a distance; the others are `baseline_m` apart.
     pub farther: usize,
-    /// The second sensor's heading, and the way to it, lie within ± this of the first's heading,
-    /// degrees.
+    /// Largest deviation from the first heading of the second heading, and of the direction from
+    /// the first sensor to the second, degrees.
     pub heading_range_deg: f64,
-    /// Roll and pitch of each sensor lie within ± this, degrees.
+    /// Largest roll and pitch of each sensor, degrees.
     pub tilt_range_deg: f64,
     /// Height of the sensor above the ground, metres.
     pub height_m: f64,
-    /// Same seed, same pairs.
+    /// Seed of the random numbers: the same seed gives the same pairs.
     pub seed: u64,
-    /// Which part of the place to stand in.
+    /// Part of the place to stand in.
     pub split: Split,
 }
 
@@ -69,8 +69,8 @@ impl Default for PairPlan {
     }
 }
 
-/// Two poses that look at the same place; `world_from_first⁻¹ · world_from_second` is the truth of
-/// a registration.
+/// Two poses that see the same surroundings; `world_from_first⁻¹ · world_from_second` is the true
+/// result of a registration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PosePair {
     /// First pose: x forward, y left, z up.
@@ -79,37 +79,37 @@ pub struct PosePair {
     pub world_from_second: Isometry3<f64>,
 }
 
-/// Why candidates were turned down, and how many.
+/// Number of rejected candidates, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rejections {
     /// In the other split's part of the place, or too near it.
     pub territory: usize,
-    /// No ground, or on a roof, a car, a slope, below a canopy.
+    /// No ground below, or on a roof, a car, a slope, or under a canopy.
     pub footing: usize,
-    /// Something within a metre.
+    /// A surface within a metre.
     pub clearance: usize,
     /// The two poses do not see each other.
     pub sight: usize,
-    /// Too little to see.
+    /// Too little structure in view.
     pub structure: usize,
-    /// Not as was asked: they share too much, or too little.
+    /// Turned down by the caller: too much or too little overlap.
     pub unwanted: usize,
 }
 
 /// Why no pairs could be sampled.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ViewpointError {
-    /// A plan that no place can satisfy.
-    #[error("{field} is {value}, which is no {expected}")]
+    /// The plan cannot be satisfied in any place.
+    #[error("{field} is {value}, expected {expected}")]
     BadPlan {
         /// The field of [`PairPlan`].
         field: &'static str,
         /// Its value.
         value: f64,
-        /// What it should be.
+        /// Expected value.
         expected: &'static str,
     },
-    /// There is no place even for one sensor.
+    /// The place has no viewpoint even for a single sensor.
     #[error(
         "{scene} has no place where a sensor could stand, after {attempts} tried: no level ground, \
          or something within a metre everywhere"
@@ -117,7 +117,7 @@ pub enum ViewpointError {
     Nowhere {
         /// The scene's name.
         scene: String,
-        /// Places tried.
+        /// Number of places tried.
         attempts: usize,
     },
     /// The place has too few viewpoints.
@@ -131,13 +131,13 @@ pub enum ViewpointError {
     NoViewpoint {
         /// The scene's name.
         scene: String,
-        /// Pairs found.
+        /// Number of pairs found.
         found: usize,
-        /// Pairs wanted.
+        /// Number of pairs wanted.
         wanted: usize,
-        /// Candidates tried.
+        /// Number of candidates tried.
         attempts: usize,
-        /// What was wrong with them.
+        /// Reasons for their rejection.
         rejected: Rejections,
     },
 }
@@ -155,10 +155,11 @@ pub fn sample_pairs(
     sample_pairs_aloud(scene, [caster; 2], plan, &Some, &|_, _| ())
 }
 
-/// What `accept` makes of pairs as of [`sample_pairs`], without those that it makes nothing of, in
-/// the place as it is at the first scan and at the second; and
-/// `progress` hears after every candidate how many pairs there are and how many candidates were
-/// tried: in a large place that takes a while.
+/// As [`sample_pairs`], for a place that differs between the first scan and the second.
+///
+/// `accept` maps each pair to a result, or turns it down with `None`. `progress` is called after
+/// every candidate with the number of pairs found and of candidates tried, because a large place
+/// takes long.
 ///
 /// # Errors
 ///
@@ -171,14 +172,14 @@ pub fn sample_pairs_aloud<T>(
     progress: &dyn Fn(usize, usize),
 ) -> Result<Vec<T>, ViewpointError> {
     plan.check()?;
-    // Train and test draw from streams of their own, so that one's count does not move the other's
-    // poses.
+    // Train and test have their own random streams, so that the poses of one do not depend on the
+    // number of the other.
     let search = PairSearch::new(scene, caster, plan, 100 + plan.split as u64);
     let mut search = PairSearch { later, ..search };
     let (mut pairs, mut attempts) = (Vec::new(), 0);
-    while pairs.len() < plan.count && attempts < plan.patience(pairs.len()) {
-        let found = search.candidate(pairs.len());
-        pairs.extend(found.and_then(|pair| search.accepted(accept(pair))));
+    while pairs.len() < plan.count && attempts < plan.max_attempts(pairs.len()) {
+        let found = search.try_candidate(pairs.len());
+        pairs.extend(found.and_then(|pair| search.count_unwanted(accept(pair))));
         attempts += 1;
         progress(pairs.len(), attempts);
     }
@@ -195,33 +196,33 @@ pub fn sample_pairs_aloud<T>(
 }
 
 impl PairPlan {
-    /// Candidates tried with so many pairs found: for all pairs wanted, but where there are next to
-    /// none, for ten more.
-    fn patience(&self, found: usize) -> usize {
+    /// Candidates tried at most once `found` pairs exist: the budget of all pairs, or of ten more
+    /// where that is less.
+    fn max_attempts(&self, found: usize) -> usize {
         self.count.min(found + 10) * ATTEMPTS_A_PAIR
     }
 
     fn check(&self) -> Result<(), ViewpointError> {
         let rules = [
-            ("baseline_m", self.baseline_m, self.baseline_m >= 0.0, "distance in metres"),
+            ("baseline_m", self.baseline_m, self.baseline_m >= 0.0, "a distance in metres"),
             (
                 "baseline_factor",
                 self.baseline_factor,
                 self.baseline_factor >= 1.0,
-                "factor of 1 or more",
+                "a factor of 1 or more",
             ),
-            ("height_m", self.height_m, self.height_m > 0.0, "height in metres"),
+            ("height_m", self.height_m, self.height_m > 0.0, "a height in metres"),
             (
                 "heading_range_deg",
                 self.heading_range_deg,
                 (0.0..=180.0).contains(&self.heading_range_deg),
-                "angle of 0 to 180 degrees",
+                "an angle of 0 to 180 degrees",
             ),
             (
                 "tilt_range_deg",
                 self.tilt_range_deg,
                 (0.0..=45.0).contains(&self.tilt_range_deg),
-                "angle of 0 to 45 degrees",
+                "an angle of 0 to 45 degrees",
             ),
         ];
         match rules.into_iter().find(|(_, value, holds, _)| !holds || !value.is_finite()) {
@@ -233,18 +234,18 @@ impl PairPlan {
     }
 }
 
-/// Two poses that nobody has looked at yet.
-struct Draft {
-    /// x and y, metres.
+/// Candidate pair that is not checked yet.
+struct Candidate {
+    /// x and y of both sensors, metres.
     places: [[f64; 2]; 2],
-    /// Radians.
+    /// Headings of both, radians.
     headings: [f64; 2],
-    /// Pitch and roll, radians.
+    /// Pitch and roll of both, radians.
     tilts: [[f64; 2]; 2],
 }
 
-/// What speaks against a draft; see [`Rejections`].
-enum Reason {
+/// Reason for the rejection of a candidate; see [`Rejections`].
+enum Rejection {
     Territory,
     Footing,
     Clearance,
@@ -252,9 +253,10 @@ enum Reason {
     Structure,
 }
 
+/// State of the search for pairs.
 struct PairSearch<'a> {
     caster: &'a Raycaster,
-    /// Of the place at the second scan.
+    /// Surfaces at the time of the second scan.
     later: &'a Raycaster,
     plan: &'a PairPlan,
     area: ([f32; 2], [f32; 2]),
@@ -266,7 +268,7 @@ struct PairSearch<'a> {
 }
 
 impl<'a> PairSearch<'a> {
-    /// Draws from a stream of random numbers of its own.
+    /// Search with the random stream `stream`.
     fn new(scene: &'a Scene, caster: &'a Raycaster, plan: &'a PairPlan, stream: u64) -> Self {
         Self {
             caster,
@@ -281,57 +283,59 @@ impl<'a> PairSearch<'a> {
         }
     }
 
-    /// One throw, with so many pairs found: a pair, or one more rejection.
-    fn candidate(&mut self, found: usize) -> Option<PosePair> {
-        let draft = self.draw(found);
-        let verdict = self.judge(&draft);
+    /// Draws and checks one candidate, with `found` pairs so far; counts a rejection.
+    fn try_candidate(&mut self, found: usize) -> Option<PosePair> {
+        let candidate = self.draw(found);
+        let verdict = self.verify(&candidate);
         let rejected = &mut self.rejected;
         match verdict {
             Ok(pair) => return Some(pair),
-            Err(Reason::Territory) => rejected.territory += 1,
-            Err(Reason::Footing) => rejected.footing += 1,
-            Err(Reason::Clearance) => rejected.clearance += 1,
-            Err(Reason::Sight) => rejected.sight += 1,
-            Err(Reason::Structure) => rejected.structure += 1,
+            Err(Rejection::Territory) => rejected.territory += 1,
+            Err(Rejection::Footing) => rejected.footing += 1,
+            Err(Rejection::Clearance) => rejected.clearance += 1,
+            Err(Rejection::Sight) => rejected.sight += 1,
+            Err(Rejection::Structure) => rejected.structure += 1,
         }
         None
     }
 
-    /// Counts a pair that is not wanted.
-    fn accepted<T>(&mut self, made: Option<T>) -> Option<T> {
+    /// Counts a pair that the caller turned down.
+    fn count_unwanted<T>(&mut self, made: Option<T>) -> Option<T> {
         self.rejected.unwanted += usize::from(made.is_none());
         made
     }
 
-    /// With so many pairs found.
-    fn draw(&mut self, found: usize) -> Draft {
-        let Placement { at: [x, y, _], heading_rad: heading } = self.place();
+    /// Draws a candidate, with `found` pairs so far.
+    fn draw(&mut self, found: usize) -> Candidate {
+        let Placement { at: [x, y, _], heading_rad: heading } = self.draw_placement();
         let reach = self.plan.heading_range_deg.to_radians();
         let tilt = self.plan.tilt_range_deg.to_radians();
         let way = heading + self.rng.spread(reach);
         let distance_m = self.distance_m(found);
         let step = [libm::cos(way), libm::sin(way)].map(|x| x * distance_m);
-        Draft {
+        Candidate {
             places: [[x, y], [x + step[0], y + step[1]]],
             headings: [heading, heading + self.rng.spread(reach)],
             tilts: [0; 2].map(|_| [0; 2].map(|_| self.rng.spread(tilt))),
         }
     }
 
-    /// Somewhere, or where there are roads beside the middle of a lane, with its heading.
-    fn place(&mut self) -> Placement {
+    /// Draws a place and a heading: beside the middle of a lane where there are roads, anywhere
+    /// otherwise.
+    fn draw_placement(&mut self) -> Placement {
         let (low, high) = self.area;
         if self.roads.is_empty() {
             let [x, y] = [0, 1].map(|i| self.rng.range(f64::from(low[i]), f64::from(high[i])));
             return Placement { at: [x, y, 0.0], heading_rad: self.rng.turn() };
         }
         let Placement { at: [x, y, z], heading_rad } = self.roads[self.rng.index(self.roads.len())];
-        let aside = self.rng.spread(ASIDE_M);
+        let lane_offset_m = self.rng.spread(MAX_LANE_OFFSET_M);
         let (sin, cos) = (libm::sin(heading_rad), libm::cos(heading_rad));
-        Placement { at: [x - aside * sin, y + aside * cos, z], heading_rad }
+        Placement { at: [x - lane_offset_m * sin, y + lane_offset_m * cos, z], heading_rad }
     }
 
-    /// Nothing is drawn for a pair that is to be `baseline_m` apart.
+    /// Distance of the next pair, metres. Takes no random number for a pair at the distance
+    /// `baseline_m`.
     fn distance_m(&mut self, found: usize) -> f64 {
         let PairPlan { baseline_m, baseline_factor, farther, .. } = *self.plan;
         match baseline_factor > 1.0 && found < farther {
@@ -340,27 +344,28 @@ impl<'a> PairSearch<'a> {
         }
     }
 
-    /// Cheap questions first.
-    fn judge(&self, draft: &Draft) -> Result<PosePair, Reason> {
+    /// Checks a candidate, cheap tests first.
+    fn verify(&self, candidate: &Candidate) -> Result<PosePair, Rejection> {
         let require = |holds: bool, reason| if holds { Ok(()) } else { Err(reason) };
-        require(draft.places.iter().all(|p| self.territory.owns(*p)), Reason::Territory)?;
+        require(candidate.places.iter().all(|p| self.territory.owns(*p)), Rejection::Territory)?;
         let stand = |[x, y]: [f64; 2]| {
-            let z = self.ground.footing(self.caster, [x, y]).ok_or(Reason::Footing)?;
+            let z = self.ground.footing(self.caster, [x, y]).ok_or(Rejection::Footing)?;
             Ok([x, y, z + self.plan.height_m])
         };
-        let eyes = [stand(draft.places[0])?, stand(draft.places[1])?];
+        let eyes = [stand(candidate.places[0])?, stand(candidate.places[1])?];
         let seen = eyes.map(|eye| eye.map(|x| x as f32));
         let is_clear = self.is_clear(self.caster, seen[0]) && self.is_clear(self.later, seen[1]);
-        require(is_clear, Reason::Clearance)?;
-        require(self.are_in_sight(seen[0], seen[1]), Reason::Sight)?;
-        let enough = |k: usize| self.structure(seen[k], draft.headings[k]) >= STRUCTURE_SHARE;
-        require(enough(0) && enough(1), Reason::Structure)?;
-        let [first, second] = [0, 1].map(|k| pose(eyes[k], draft.headings[k], draft.tilts[k]));
+        require(is_clear, Rejection::Clearance)?;
+        require(self.are_in_sight(seen[0], seen[1]), Rejection::Sight)?;
+        let enough = |k: usize| self.structure(seen[k], candidate.headings[k]) >= STRUCTURE_SHARE;
+        require(enough(0) && enough(1), Rejection::Structure)?;
+        let [first, second] =
+            [0, 1].map(|k| pose(eyes[k], candidate.headings[k], candidate.tilts[k]));
         Ok(PosePair { world_from_first: first, world_from_second: second })
     }
 
-    /// Nothing within [`CLEARANCE_M`] sideways, at the sensor and at its carrier's hip, and nothing
-    /// overhead.
+    /// True when nothing is overhead and nothing within [`CLEARANCE_M`] sideways, at the sensor and
+    /// at the hip of its carrier.
     fn is_clear(&self, caster: &Raycaster, eye: [f32; 3]) -> bool {
         self.is_clear_sideways(caster, eye) && caster.cast(eye, [0.0, 0.0, 1.0]).is_none()
     }
@@ -374,8 +379,8 @@ impl<'a> PairSearch<'a> {
         around(eye) && around(hip)
     }
 
-    /// Leaves may hide a part: the middle or four points half a metre beside it, three of the five
-    /// must be seen.
+    /// True when three of five points are visible: the second sensor and four points 0.5 m beside
+    /// it. Leaves may hide the others.
     fn are_in_sight(&self, first: [f32; 3], second: [f32; 3]) -> bool {
         let offsets =
             [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [-0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, -0.5, 0.0]];
@@ -384,7 +389,7 @@ impl<'a> PairSearch<'a> {
         offsets.into_iter().filter(|o| moved(*o)).count() >= 3
     }
 
-    /// Share of rays into the front half, at and above the horizon, that return from nearer than
+    /// Share of rays into the front half, at and above the horizon, with a hit within
     /// [`STRUCTURE_M`].
     fn structure(&self, eye: [f32; 3], heading: f64) -> f64 {
         let quarter = std::f64::consts::FRAC_PI_2;
@@ -397,7 +402,7 @@ impl<'a> PairSearch<'a> {
     }
 }
 
-/// Directions at one elevation, evenly from one azimuth to another, radians.
+/// Directions at one elevation, evenly spaced in azimuth, radians.
 fn level_rays(count: u32, elevation: f64, from: f64, to: f64) -> impl Iterator<Item = [f32; 3]> {
     let (up, out) = (libm::sin(elevation), libm::cos(elevation));
     (0..count).map(move |k| {
@@ -406,8 +411,8 @@ fn level_rays(count: u32, elevation: f64, from: f64, to: f64) -> impl Iterator<I
     })
 }
 
-/// `Rz(heading) · Ry(pitch) · Rx(roll)`, from libm's half angles so that every machine gets the
-/// same bits.
+/// `Rz(heading) · Ry(pitch) · Rx(roll)`, from the half angles of libm so that every machine gets
+/// the same bits.
 fn pose([x, y, z]: [f64; 3], heading: f64, [pitch, roll]: [f64; 2]) -> Isometry3<f64> {
     let half = |angle: f64| (libm::cos(0.5 * angle), libm::sin(0.5 * angle));
     let ((cy, sy), (cp, sp), (cr, sr)) = (half(heading), half(pitch), half(roll));

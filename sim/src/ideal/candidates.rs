@@ -1,14 +1,14 @@
-//! Where pulses may be.
+//! Candidate pulses: peaks of the amplitude over its σ that known pulses do not explain.
 
 use echoloop_dsp::Settings;
 
-use super::fit::{Pulse, model, shape};
-use super::samples::{Phase, Sample, Samples};
+use super::fit::{FittedPulse, model, shape};
+use super::samples::{MeanSample, Phase, Samples};
 
-/// The most that are looked at: as many as the program keeps.
-pub(super) const MOST: usize = 32;
+/// Candidates kept at most: as many as the firmware keeps.
+pub(super) const MAX_PULSES: usize = 32;
 
-/// Finds pulses, as settings ask for them.
+/// Search for candidates with the threshold, floor and separation of the settings.
 pub(super) struct Finder<'a> {
     /// FWHM of the pulse, samples.
     pub(super) width: f64,
@@ -17,19 +17,19 @@ pub(super) struct Finder<'a> {
     pub(super) step_mm: f64,
 }
 
-/// The best amplitude of a pulse in the middle of a sample.
+/// Best-fitting amplitude of a pulse centred on a sample, and its SNR.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct MatchScore {
     time: f64,
     amplitude: f64,
     snr: f64,
-    /// Least SNR that is believed here.
-    least: f64,
+    /// Detection threshold here: the larger of the SNR threshold and the noise floor over σ.
+    min_snr: f64,
 }
 
 impl Finder<'_> {
-    /// What an amplitude over its σ must reach.
-    fn least_snr(&self) -> f64 {
+    /// SNR threshold: least amplitude over its σ.
+    fn snr_threshold(&self) -> f64 {
         f64::from(self.settings.snr_threshold_milli) / 1e3
     }
 
@@ -37,63 +37,67 @@ impl Finder<'_> {
         f64::from(self.settings.noise_floor_ppm) / 1e6
     }
 
-    /// Whether a pulse is believed: its amplitude as it is converted, and its SNR.
+    /// True when a pulse is above both thresholds: its amplitude as converted, and its SNR.
     pub(super) fn passes(&self, amplitude: f64, snr: f64) -> bool {
-        snr >= self.least_snr() && amplitude >= self.floor()
+        snr >= self.snr_threshold() && amplitude >= self.floor()
     }
 
-    /// The peaks that known pulses leave over, strongest first.
-    pub(super) fn find(&self, samples: &Samples, known: &[Pulse]) -> Vec<Pulse> {
-        let phases: Vec<Left> =
-            samples.phases.iter().map(|phase| self.left(phase, known)).collect();
-        let places: Vec<Place> =
-            (0..samples.len()).map(|n| self.place(samples, &phases, n)).collect();
-        let mut peaks = climbs(&places);
+    /// Peaks of the residual of the known pulses, strongest first.
+    pub(super) fn find(&self, samples: &Samples, known: &[FittedPulse]) -> Vec<FittedPulse> {
+        let phases: Vec<Residual> =
+            samples.phases.iter().map(|phase| self.residual(phase, known)).collect();
+        let scores: Vec<MatchScore> =
+            (0..samples.len()).map(|n| self.score(samples, &phases, n)).collect();
+        let mut peaks = hysteresis_peaks(&scores);
         peaks.sort_by(|a, b| b.snr.total_cmp(&a.snr).then(a.time.total_cmp(&b.time)));
-        let pulse = |place: &Place| Pulse::new(place.amplitude, place.time);
+        let pulse = |score: &MatchScore| FittedPulse::new(score.amplitude, score.time);
         let mut kept = self.separate(peaks.iter().map(pulse));
-        kept.truncate(MOST);
+        kept.truncate(MAX_PULSES);
         kept
     }
 
-    /// Of pulses, strongest first, those that are far enough from each stronger one.
-    pub(super) fn separate(&self, pulses: impl IntoIterator<Item = Pulse>) -> Vec<Pulse> {
-        let apart = self.apart();
-        let mut kept: Vec<Pulse> = Vec::new();
+    /// Drops each pulse that is nearer than the separation to a stronger one; takes them strongest
+    /// first.
+    pub(super) fn separate(
+        &self,
+        pulses: impl IntoIterator<Item = FittedPulse>,
+    ) -> Vec<FittedPulse> {
+        let min_separation = self.min_separation();
+        let mut kept: Vec<FittedPulse> = Vec::new();
         for pulse in pulses {
-            if kept.iter().all(|k| (k.time - pulse.time).abs() >= apart) {
+            if kept.iter().all(|k| (k.time - pulse.time).abs() >= min_separation) {
                 kept.push(pulse);
             }
         }
         kept
     }
 
-    /// What known pulses leave of a phase.
-    fn left(&self, phase: &Phase, known: &[Pulse]) -> Left {
+    /// Residual of a phase: its samples less the known pulses.
+    fn residual(&self, phase: &Phase, known: &[FittedPulse]) -> Residual {
         let half = self.width.ceil() as i32;
         let template = (-half..=half).map(|k| shape(f64::from(k) + phase.offset, self.width)[0]);
-        let weighed = |(n, sample): (usize, &Sample)| {
+        let weighed = |(n, sample): (usize, &MeanSample)| {
             let time = n as f64 + phase.offset;
-            let left = match known {
+            let residual = match known {
                 [] => sample.x,
                 _ => sample.x - model(known, sample, time, self.width),
             };
-            let left = if sample.clipped { left.max(0.0) } else { left };
+            let residual = if sample.clipped { residual.max(0.0) } else { residual };
             let weight = sample.gain / sample.dark;
-            [weight * left, weight * sample.gain]
+            [weight * residual, weight * sample.gain]
         };
         let weighed = phase.samples.iter().enumerate().map(weighed).collect();
-        Left { half: half as usize, template: template.collect(), weighed }
+        Residual { half: half as usize, template: template.collect(), weighed }
     }
 
-    /// How far peaks must be apart, samples: 1.14 widths unless settings say it.
-    fn apart(&self) -> f64 {
+    /// Least distance between peaks, samples: 1.14 pulse widths unless the settings give one.
+    fn min_separation(&self) -> f64 {
         self.settings.min_separation_mm.map_or(1.14 * self.width, |mm| f64::from(mm) / self.step_mm)
     }
 
-    fn place(&self, samples: &Samples, phases: &[Left], n: usize) -> Place {
+    fn score(&self, samples: &Samples, phases: &[Residual], n: usize) -> MatchScore {
         let (mut along, mut square) = (0.0, 0.0);
-        for Left { half, template, weighed } in phases {
+        for Residual { half, template, weighed } in phases {
             let cut = half.saturating_sub(n); // samples before the first
             let around = weighed.iter().skip(n.saturating_sub(*half));
             for (value, [light, weight]) in template.iter().skip(cut).zip(around) {
@@ -103,46 +107,45 @@ impl Finder<'_> {
         }
         let (time, root) = (n as f64, square.sqrt());
         let floor = self.floor() / samples.gain(time);
-        Place {
+        MatchScore {
             time,
             amplitude: along / square,
             snr: along / root,
-            least: self.least_snr().max(floor * root),
+            min_snr: self.snr_threshold().max(floor * root),
         }
     }
 }
 
-/// What is left of a phase.
-struct Left {
-    /// Samples of the template on either side of its middle.
+/// Residual of a phase, with its template.
+struct Residual {
+    /// Samples of the template on each side of its middle.
     half: usize,
-    /// The pulse in the middle of a sample, as this phase samples it.
+    /// Pulse centred on a sample, as this phase samples it.
     template: Vec<f64>,
-    /// Of each sample what is left times its gain over its variance, and its gain squared over its
-    /// variance.
+    /// For each sample: residual times gain over variance, and gain squared over variance.
     weighed: Vec<[f64; 2]>,
 }
 
-/// The tops between valleys: a top is left by a fall of half the threshold, or of a sixteenth of
-/// its height where that is more; a valley by as much of a rise.
-fn climbs(places: &[Place]) -> Vec<Place> {
-    let mut tops: Vec<Place> = Vec::new();
-    let (mut top, mut valley): (Option<Place>, f64) = (None, 0.0);
-    for place in places {
-        let step = |snr: f64| (place.least / 2.0).max(snr / 16.0);
+/// Peaks with hysteresis: a fall ends a peak, a rise ends a valley, each of half the threshold or a
+/// sixteenth of the height, whichever is more.
+fn hysteresis_peaks(scores: &[MatchScore]) -> Vec<MatchScore> {
+    let mut tops: Vec<MatchScore> = Vec::new();
+    let (mut top, mut valley): (Option<MatchScore>, f64) = (None, 0.0);
+    for score in scores {
+        let step = |snr: f64| (score.min_snr / 2.0).max(snr / 16.0);
         match &mut top {
-            Some(highest) if place.snr > highest.snr => *highest = *place,
+            Some(highest) if score.snr > highest.snr => *highest = *score,
             Some(highest) => {
-                if place.snr < highest.snr - step(highest.snr) {
+                if score.snr < highest.snr - step(highest.snr) {
                     tops.push(*highest);
-                    (top, valley) = (None, place.snr);
+                    (top, valley) = (None, score.snr);
                 }
             }
             None => {
-                valley = valley.min(place.snr);
-                let risen = valley < place.least / 2.0 || place.snr > valley + step(place.snr);
-                if place.snr >= place.least && risen {
-                    top = Some(*place);
+                valley = valley.min(score.snr);
+                let risen = valley < score.min_snr / 2.0 || score.snr > valley + step(score.snr);
+                if score.snr >= score.min_snr && risen {
+                    top = Some(*score);
                 }
             }
         }

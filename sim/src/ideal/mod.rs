@@ -1,18 +1,18 @@
-//! The detector that an ideal processor would have: maximum likelihood, in floating point.
+//! Maximum-likelihood detector in floating point: the reference for the firmware.
 //!
-//! What the sensor's program does in integers, with a matched filter, a parabola and two edges, is
-//! held to this: `detector.kind = "ideal"` puts it in the program's place, in process. It has no
-//! memory or time to keep to, and no choice of filter or timing: those settings do nothing.
+//! The firmware approximates it in integers with a matched filter, a parabola and two edges;
+//! `detector.kind = "ideal"` replaces it, in process. There is no limit of memory or time, and the
+//! choices of filter and timing have no effect.
 //!
-//! 1. Ambient and σ of the samples of full gain, as the program estimates them (`samples`).
-//! 2. Candidates: peaks of the best amplitude at each sample over its own σ, by the program's
+//! 1. Ambient and σ of the samples at full gain, estimated as in the firmware (`samples`).
+//! 2. Candidates: peaks of the best amplitude at each sample over its σ, with the firmware's
 //!    threshold, hysteresis and separation (`candidates`).
-//! 3. Amplitudes and times of all candidates together, by Gauss and Newton, clipped samples as what
-//!    they are: at least so much (`fit`).
-//! 4. Where more than one echo is kept, what the fit leaves over is searched in the same way, and
-//!    all is fitted again, from several beginnings.
+//! 3. Joint fit of all amplitudes and times by Gauss-Newton; a clipped sample is a lower bound
+//!    (`fit`).
+//! 4. When more than one echo is kept, the residual is searched in the same way and all is fitted
+//!    again from several starts.
 //!
-//! Dithered shots are fitted phase by phase, each at its own moments.
+//! Dithered shots are fitted phase by phase, each at its own sampling times.
 
 mod candidates;
 mod fit;
@@ -24,18 +24,18 @@ use echoloop_dsp::{Echo, Echoes, Flags, Hardware, Settings};
 
 pub use samples::Shots;
 
-use candidates::{Finder, MOST};
-use fit::{Pulse, strongest_first};
+use candidates::{Finder, MAX_PULSES};
+use fit::{FittedPulse, strongest_first};
 use samples::Samples;
 
-/// How often what is left over is searched.
+/// Searches of the residual at most.
 const SEARCHES: usize = 4;
 
-/// An echo behind another is one where it has at least this part of the other's amplitude: below,
-/// it may be what a surface that is not square to the beam does to a pulse.
-const LEAST_BEHIND: f64 = 1.0 / 16.0;
+/// Least amplitude of an echo relative to one that it overlaps: a smaller one may be the tail of a
+/// pulse from a slanted surface.
+const MIN_OVERLAPPED_RATIO: f64 = 1.0 / 16.0;
 
-/// The detector for one set of settings.
+/// Detector for one set of settings.
 #[derive(Clone, Debug)]
 pub struct IdealDetector {
     settings: Settings,
@@ -48,7 +48,7 @@ pub struct IdealDetector {
 }
 
 impl IdealDetector {
-    /// `None` of settings that the sensor refuses.
+    /// `None` for settings that the sensor refuses.
     pub fn new(settings: &Settings, hardware: &Hardware) -> Option<Self> {
         settings.check(hardware).ok()?;
         let period_ns = f64::from(sample_period_fs(settings.bins as u32, hardware)) / 1e6;
@@ -61,12 +61,12 @@ impl IdealDetector {
         })
     }
 
-    /// The settings it is for.
+    /// Settings it was made for.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// The echoes of a beam.
+    /// Echoes of a beam.
     pub fn process(&self, shots: &Shots) -> Echoes {
         let samples = Samples::new(shots, &self.settings, &self.hardware, self.step_mm);
         let finder = Finder { width: self.width, settings: &self.settings, step_mm: self.step_mm };
@@ -88,11 +88,11 @@ impl IdealDetector {
         found.take(self.settings.echoes as usize).collect()
     }
 
-    /// Looks for pulses that others hide: in what the fit leaves over.
-    fn find_hidden(&self, samples: &Samples, finder: &Finder<'_>, pulses: &mut Vec<Pulse>) {
+    /// Adds pulses that stand out of the residual of the fit.
+    fn find_hidden(&self, samples: &Samples, finder: &Finder<'_>, pulses: &mut Vec<FittedPulse>) {
         for _ in 0..SEARCHES {
             let Some(more) = finder.find(samples, pulses).first().copied() else { return };
-            // Two that are one at first leave over what is near neither: so other beginnings, too.
+            // Two merged pulses leave a residual near neither of them: so try other starts, too.
             let mut best = self.fitted(samples, pulses, &[more]);
             let nearest = (0..pulses.len()).min_by(|&a, &b| {
                 let apart = |i: usize| (pulses[i].time - more.time).abs();
@@ -103,45 +103,51 @@ impl IdealDetector {
                 let one = others.swap_remove(nearest);
                 for widths in [0.25, 0.5] {
                     let moved =
-                        |by: f64| Pulse::new(0.6 * one.amplitude, one.time + by * self.width);
+                        |by: f64| FittedPulse::new(0.6 * one.amplitude, one.time + by * self.width);
                     let two = [moved(-widths), moved(widths)];
                     let other = self.fitted(samples, &others, &two);
                     let all = [&best, &other, &*pulses].map(Vec::as_slice).concat();
                     let Some(span) = fit::span(&all, self.width) else { return };
-                    let misfit = |of: &[Pulse]| fit::misfit(samples, self.width, &span, of, pulses);
+                    let misfit =
+                        |of: &[FittedPulse]| fit::misfit(samples, self.width, &span, of, pulses);
                     if misfit(&other) < misfit(&best) {
                         best = other;
                     }
                 }
             }
-            if best.len() > MOST || self.has_tail(&best) {
+            if best.len() > MAX_PULSES || self.has_tail(&best) {
                 return;
             }
             *pulses = best;
         }
     }
 
-    fn fitted(&self, samples: &Samples, pulses: &[Pulse], more: &[Pulse]) -> Vec<Pulse> {
+    fn fitted(
+        &self,
+        samples: &Samples,
+        pulses: &[FittedPulse],
+        more: &[FittedPulse],
+    ) -> Vec<FittedPulse> {
         let mut all = [pulses, more].concat();
         fit::refine(samples, self.width, &mut all);
         all
     }
 
-    fn overlap(&self, one: &Pulse, other: &Pulse) -> bool {
+    fn overlap(&self, one: &FittedPulse, other: &FittedPulse) -> bool {
         (one.time - other.time).abs() < 2.0 * self.width
     }
 
-    /// Whether a pulse is so small beside one that it overlaps that it may be the other's tail.
-    fn has_tail(&self, pulses: &[Pulse]) -> bool {
-        let is_tail = |small: &Pulse, of: &Pulse| {
-            self.overlap(small, of) && small.amplitude < LEAST_BEHIND * of.amplitude
+    /// True when a pulse is so small beside one it overlaps that it may be its tail.
+    fn has_tail(&self, pulses: &[FittedPulse]) -> bool {
+        let is_tail = |small: &FittedPulse, of: &FittedPulse| {
+            self.overlap(small, of) && small.amplitude < MIN_OVERLAPPED_RATIO * of.amplitude
         };
         pulses.iter().any(|small| pulses.iter().any(|of| is_tail(small, of)))
     }
 
-    /// What the sensor would report of it; `None` where it would report nothing.
-    fn echo(&self, samples: &Samples, finder: &Finder<'_>, pulse: &Pulse) -> Option<Echo> {
-        let seen = fit::seen(samples, self.width, pulse);
+    /// Echo that the sensor would report; `None` below its thresholds.
+    fn echo(&self, samples: &Samples, finder: &Finder<'_>, pulse: &FittedPulse) -> Option<Echo> {
+        let seen = fit::detection(samples, self.width, pulse);
         let range_mm = f64::from(self.hardware.range_min_mm) + pulse.time * self.step_mm;
         let here = samples.gain(pulse.time);
         if range_mm < 0.0 || !finder.passes(pulse.amplitude * here, seen.snr) {
@@ -159,7 +165,7 @@ impl IdealDetector {
         if truncated {
             flags |= Flags::TRUNCATED;
         }
-        let converted = (pulse.amplitude * here).min(seen.level); // clipped: at least so much
+        let converted = (pulse.amplitude * here).min(seen.level); // a lower bound where clipped
         let deviation = if truncated { f64::INFINITY } else { seen.deviation };
         let width_ns = f64::from(self.settings.pulse_width_ps) / 1e3;
         Some(Echo {

@@ -1,24 +1,24 @@
-//! The samples of a beam without their baseline, and the noise of each.
+//! Samples of a beam with the baseline removed, and the noise of each.
 
 use core::ops::Range;
 
 use echoloop_dsp::{AmbientEstimator, Hardware, Settings};
 
-/// The codes of a beam.
+/// ADC codes of a beam.
 #[derive(Clone, Debug, Default)]
 pub struct Shots {
-    /// Sums of codes over the shots of a phase, those before the trigger included: `[phase][N]`.
+    /// Sums of codes over the shots of a phase, from before the trigger on: `[phase][N]`.
     pub sums: Vec<Vec<u32>>,
 }
 
 impl Shots {
-    /// One shot.
+    /// A single shot.
     pub fn one(codes: &[u16]) -> Self {
         Self { sums: vec![codes.iter().map(|&code| code.into()).collect()] }
     }
 }
 
-/// The factor of the amplifier's gain.
+/// Gain of the amplifier as a factor.
 fn gain_factor(settings: &Settings) -> f64 {
     libm::pow(10.0, f64::from(settings.gain_cdb) / 2_000.0)
 }
@@ -32,11 +32,11 @@ pub(super) fn white(settings: &Settings, hardware: &Hardware) -> f64 {
 /// A waveform: amplitudes in fractions of full scale, times in samples.
 #[derive(Clone, Debug)]
 pub(super) struct Samples {
-    /// Of shots that were taken at the same moments.
+    /// Shots grouped by their sampling times.
     pub(super) phases: Vec<Phase>,
-    /// Variance that a signal of 1 adds to a sample of a phase.
+    /// Variance that a signal of 1 adds to a sample of a phase: shot noise.
     shot: f64,
-    ramp: Ramp,
+    ramp: GainRamp,
     /// Amplitude of a white wall at 1 m.
     white: f64,
     /// Range of sample 0 and of a sample, m.
@@ -47,19 +47,19 @@ pub(super) struct Samples {
 /// The samples of one phase.
 #[derive(Clone, Debug)]
 pub(super) struct Phase {
-    /// By how much they are later than their number says.
+    /// Offset of the sampling times from whole sample numbers, samples.
     pub(super) offset: f64,
-    pub(super) samples: Vec<Sample>,
+    pub(super) samples: Vec<MeanSample>,
 }
 
-/// A sample, the mean of its shots.
+/// Mean of the shots at one sampling time.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sample {
-    /// Over what it rests on.
+pub(super) struct MeanSample {
+    /// Amplitude above the baseline.
     pub(super) x: f64,
-    /// Whether the converter clipped it: the light was at least that.
+    /// True when the converter clipped it: `x` is a lower bound.
     pub(super) clipped: bool,
-    /// Of the amplifier, 1 where it is full.
+    /// Relative gain of the amplifier, 1 at full gain.
     pub(super) gain: f64,
     /// Variance in the dark.
     pub(super) dark: f64,
@@ -78,9 +78,9 @@ impl Samples {
         let before = settings.pre_trigger_samples() as usize;
         let clip_code = f64::from(settings.saturation_ppm) / 1e6;
         let clip = (clip_code * f64::from(hardware.full_scale_code())).round() * code;
-        let ramp = Ramp::new(settings, hardware, step_mm);
+        let ramp = GainRamp::new(settings, hardware, step_mm);
 
-        let mean = Mean::of(shots, f64::from(settings.shots));
+        let mean = MeanWaveform::of(shots, f64::from(settings.shots));
         let (early, waveform) = mean.codes.split_at(before.min(mean.codes.len()));
         let full = waveform.get(ramp.samples()..).filter(|full| !full.is_empty());
         let (median, sigma) = mean.centre_and_spread(full.unwrap_or(waveform));
@@ -94,7 +94,7 @@ impl Samples {
             _ => median,
         };
 
-        // Of several shots some may be clipped where their mean is not yet.
+        // Some of several shots may be clipped while their mean is still below the level.
         let all_clear = match settings.shots {
             1 => clip,
             shots => clip - sigma * f64::from(shots).sqrt(),
@@ -106,7 +106,7 @@ impl Samples {
                 let value = f64::from(sum) / of_phase * code;
                 let gain = ramp.gain(n as f64 + offset);
                 let dark = (gain * sigma).max(rounding).min(sigma);
-                Sample {
+                MeanSample {
                     x: value.min(clip) - black - gain * (ambient - black),
                     clipped: value >= all_clear,
                     gain,
@@ -126,31 +126,31 @@ impl Samples {
         }
     }
 
-    /// Amplitude of a white wall, square to the beam, from which light comes back at a time.
+    /// Amplitude of a white wall square to the beam at the range of a time.
     pub(super) fn white(&self, time: f64) -> f64 {
         let range_m = (self.origin_m + time * self.step_m).max(self.step_m);
         self.white / (range_m * range_m)
     }
 
-    /// Variance of a sample with so much light in it, as it is converted.
-    pub(super) fn variance(&self, sample: &Sample, light: f64) -> f64 {
+    /// Variance of a sample with a signal of `light` in it.
+    pub(super) fn variance(&self, sample: &MeanSample, light: f64) -> f64 {
         sample.dark + self.shot * sample.gain * light
     }
 
-    /// The gain at a time.
+    /// Relative gain at a time.
     pub(super) fn gain(&self, time: f64) -> f64 {
         self.ramp.gain(time)
     }
 
-    /// Samples of a phase.
+    /// Number of samples of a phase.
     pub(super) fn len(&self) -> usize {
         self.phases.first().map_or(0, |phase| phase.samples.len())
     }
 }
 
 impl Phase {
-    /// Samples that lie within a span of time, with their times.
-    pub(super) fn within(&self, span: Range<f64>) -> impl Iterator<Item = (f64, &Sample)> {
+    /// Samples within a span of time, with their times.
+    pub(super) fn within(&self, span: Range<f64>) -> impl Iterator<Item = (f64, &MeanSample)> {
         let first = (span.start - self.offset).ceil().max(0.0) as usize;
         let end = (span.end - self.offset).floor().max(-1.0) + 1.0;
         let end = (end as usize).min(self.samples.len());
@@ -159,16 +159,16 @@ impl Phase {
     }
 }
 
-/// A gain that is linear in dB over range, full from its end on.
+/// Gain that rises linearly in dB over range and is full from its end on.
 #[derive(Clone, Copy, Debug)]
-struct Ramp {
+struct GainRamp {
     /// Octaves a sample.
     slope: f64,
-    /// Where it ends, samples.
+    /// Sample at which it ends.
     end: f64,
 }
 
-impl Ramp {
+impl GainRamp {
     fn new(settings: &Settings, hardware: &Hardware, step_mm: f64) -> Self {
         let db_m = f64::from(settings.gain_slope_mdb_m) / 1e3;
         let rising_mm = f64::from(settings.gain_range_mm) - f64::from(hardware.range_min_mm);
@@ -185,14 +185,14 @@ impl Ramp {
     }
 }
 
-/// The mean of all shots, in codes of one.
-struct Mean {
+/// Mean of all shots, in ADC codes.
+struct MeanWaveform {
     codes: Vec<f64>,
-    /// Between two values that it can have.
+    /// Resolution: one code over the number of shots.
     step: f64,
 }
 
-impl Mean {
+impl MeanWaveform {
     fn of(shots: &Shots, count: f64) -> Self {
         let codes = shots.sums.first().map_or(0, Vec::len);
         let sum = |n: usize| {
@@ -201,17 +201,17 @@ impl Mean {
         Self { codes: (0..codes).map(|n| sum(n) / count).collect(), step: 1.0 / count }
     }
 
-    /// The median, and σ by the median absolute deviation, each as of values that are spread evenly
-    /// over their step.
+    /// Median, and σ from the median absolute deviation, both for values spread evenly over their
+    /// step.
     fn centre_and_spread(&self, values: &[f64]) -> (f64, f64) {
         /// σ of a normal distribution over its median absolute deviation: 1 / Φ⁻¹(¾).
         const MAD_TO_SIGMA: f64 = 1.482_602_218_505_602;
         let mut values = values.to_vec();
-        let Some(median) = self.grouped(&mut values) else { return (0.0, self.step) };
+        let Some(median) = self.grouped_median(&mut values) else { return (0.0, self.step) };
         let nearest = (median / self.step).round() * self.step;
         let mut deviations: Vec<f64> = values.iter().map(|v| (v - nearest).abs()).collect();
-        // Both sides of nothing fall on it: half a step is all there is of it.
-        let mad = self.grouped(&mut deviations).unwrap_or(0.0);
+        // Deviations below half a step fold onto 0 from both sides: that bin is half as wide.
+        let mad = self.grouped_median(&mut deviations).unwrap_or(0.0);
         let zeros = deviations.iter().filter(|&&d| d < 0.5 * self.step).count();
         let mad = match 2 * zeros > deviations.len() {
             true => self.step * deviations.len() as f64 / zeros as f64 / 4.0,
@@ -220,7 +220,7 @@ impl Mean {
         (median, mad * MAD_TO_SIGMA)
     }
 
-    fn grouped(&self, values: &mut [f64]) -> Option<f64> {
+    fn grouped_median(&self, values: &mut [f64]) -> Option<f64> {
         let middle = values.len() / 2;
         let half = values.len() as f64 / 2.0;
         values.get(middle)?;

@@ -1,13 +1,13 @@
-//! What can be wrong with a file, before anybody knows its name.
+//! Faults of a mesh file, found before its name is known.
 
 use crate::scene::MeshFault;
 
-/// What a reader has to say against a file, before it is named.
+/// Fault of a mesh file; the caller adds its name.
 #[derive(Debug, PartialEq)]
 pub(super) enum Fault {
-    /// It does not follow its format.
+    /// The file does not follow its format.
     Format(String),
-    /// It follows it, yet is no mesh to scan.
+    /// The file follows its format, but the mesh cannot be scanned.
     Mesh(MeshFault),
 }
 

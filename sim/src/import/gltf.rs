@@ -1,7 +1,7 @@
-//! glTF: what a scene's nodes show, with the transforms of nodes, and the names that tell surfaces.
+//! glTF: the meshes of a scene with the transforms of its nodes, and surfaces by name.
 //!
-//! The crate reads and checks the JSON. Numbers are taken from the buffers here: a file may promise
-//! more than they have. y points up by definition, and the unit is the metre.
+//! The crate `gltf` reads and checks the JSON. Numbers are taken from the buffers here, because a
+//! file may declare more than they hold. y points up by definition, and the unit is the metre.
 
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -17,36 +17,38 @@ use nalgebra::{Matrix4, Point3};
 use super::fault::Fault;
 use crate::scene::{Mesh, MeshFault, Surface};
 
-/// Opens a file beside the mesh, by what the mesh calls it.
-pub(super) type Open<'a> = dyn FnMut(&str) -> Result<Vec<u8>, String> + 'a;
+/// Opens a file by the URI that the mesh gives for it.
+pub(super) type OpenFile<'a> = dyn FnMut(&str) -> Result<Vec<u8>, String> + 'a;
 
-/// Things in a document at most: each takes memory, however few bytes it has there.
-const MOST_THINGS: usize = 1 << 17;
-/// Numbers, names and whatever else commas divide in it.
-const MOST_PARTS: usize = 1 << 19;
-/// Vertices and triangles at most beside a quarter of the file's bytes: nodes may show one mesh
-/// over and over.
-const MOST_REPEATED: usize = 1 << 20;
+/// JSON objects of a document at most: each takes memory, however few bytes it has in the file.
+const MAX_OBJECTS: usize = 1 << 17;
+/// Commas of a document at most: they separate its numbers and names.
+const MAX_COMMAS: usize = 1 << 19;
+/// Vertices and triangles at most, in addition to a quarter of the bytes: nodes may repeat one
+/// mesh.
+const MAX_REPEATED: usize = 1 << 20;
 
-/// What the default scene shows, else the first, else all nodes.
-pub(super) fn read(bytes: &[u8], open: &mut Open<'_>, default: Surface) -> Result<Mesh, Fault> {
+/// Reads the default scene; the first where none is marked; all nodes where there is no scene.
+pub(super) fn read(bytes: &[u8], open: &mut OpenFile<'_>, default: Surface) -> Result<Mesh, Fault> {
     let gltf = document(bytes)?;
     let buffers = buffers(&gltf, open)?;
     let held: usize = buffers.iter().map(|buffer| buffer.len()).sum();
-    let most = bytes.len().max(held) / 4 + MOST_REPEATED;
-    let pictures = gltf.as_json().images.iter().map(|image| {
+    let most = bytes.len().max(held) / 4 + MAX_REPEATED;
+    let textures = gltf.as_json().images.iter().map(|image| {
         let file = image.uri.as_deref().filter(|uri| !uri.starts_with("data:"));
         let file = file.and_then(|uri| Surface::from_loose_name(uri.rsplit('/').next()?));
         file.or_else(|| Surface::from_loose_name(image.name.as_deref()?))
     });
-    let pictures = pictures.collect();
-    let mut reader = Reader { buffers, pictures, mesh: Mesh::default(), most, default };
+    let textures = textures.collect();
+    let mut reader = Reader { buffers, textures, mesh: Mesh::default(), most, default };
     let mut shown = vec![false; gltf.nodes().len()];
-    let mut pending: Vec<Place<'_>> = roots(&gltf).into_iter().map(Place::root).collect();
+    let mut pending: Vec<PlacedNode<'_>> = roots(&gltf).into_iter().map(PlacedNode::root).collect();
     while let Some(place) = pending.pop() {
         if std::mem::replace(&mut shown[place.node.index()], true) {
             let node = place.node.index();
-            return Err(Fault::Format(format!("node {node} has two parents or is its own")));
+            return Err(Fault::Format(format!(
+                "node {node} has two parents or is its own ancestor"
+            )));
         }
         pending.extend(place.children());
         reader.show(&place)?;
@@ -54,7 +56,7 @@ pub(super) fn read(bytes: &[u8], open: &mut Open<'_>, default: Surface) -> Resul
     Ok(reader.mesh)
 }
 
-/// What the buffers of a document are called that lie in files of their own.
+/// URIs of the buffers that lie in files of their own.
 pub(super) fn files(bytes: &[u8]) -> Vec<String> {
     let Ok(gltf) = document(bytes) else { return Vec::new() };
     let uri = |buffer: gltf::Buffer<'_>| match buffer.source() {
@@ -67,8 +69,8 @@ pub(super) fn files(bytes: &[u8]) -> Vec<String> {
 fn document(bytes: &[u8]) -> Result<Gltf, String> {
     let json = json(bytes)?;
     let count = |byte: u8| json.iter().filter(|&&b| b == byte).count();
-    if count(b'{') > MOST_THINGS || count(b',') > MOST_PARTS {
-        return Err(format!("its JSON has more than {MOST_THINGS} objects or {MOST_PARTS} commas"));
+    if count(b'{') > MAX_OBJECTS || count(b',') > MAX_COMMAS {
+        return Err(format!("its JSON has more than {MAX_OBJECTS} objects or {MAX_COMMAS} commas"));
     }
     let told = |error| match error {
         gltf::Error::Validation(faults) => match faults.first() {
@@ -82,7 +84,7 @@ fn document(bytes: &[u8]) -> Result<Gltf, String> {
     Gltf::from_slice(bytes).map_err(told)
 }
 
-/// Refuses accessors that are not there: the crate looks at a mesh's positions before it asks.
+/// Refuses attributes that name a missing accessor: the crate indexes without a check.
 fn check_attributes(root: &gltf::json::Root) -> Result<(), String> {
     let accessors = root.accessors.len();
     for (mesh, own) in root.meshes.iter().enumerate() {
@@ -94,7 +96,7 @@ fn check_attributes(root: &gltf::json::Root) -> Result<(), String> {
     Ok(())
 }
 
-/// The document of a .gltf, or the first chunk of a .glb.
+/// JSON of a .gltf, or of the first chunk of a .glb.
 fn json(bytes: &[u8]) -> Result<&[u8], String> {
     if !bytes.starts_with(b"glTF") {
         return Ok(bytes);
@@ -113,8 +115,8 @@ fn json(bytes: &[u8]) -> Result<&[u8], String> {
     bytes.get(20..20 + length).ok_or_else(|| format!("its JSON is shorter than {length} bytes"))
 }
 
-/// The bytes of every buffer, a file's once however often it is named.
-fn buffers(gltf: &Gltf, open: &mut Open<'_>) -> Result<Vec<Rc<Vec<u8>>>, String> {
+/// Bytes of every buffer; a file that several name is read once.
+fn buffers(gltf: &Gltf, open: &mut OpenFile<'_>) -> Result<Vec<Rc<Vec<u8>>>, String> {
     let mut opened: HashMap<&str, Rc<Vec<u8>>> = HashMap::new();
     let mut all = Vec::new();
     for buffer in gltf.buffers() {
@@ -145,7 +147,7 @@ fn buffers(gltf: &Gltf, open: &mut Open<'_>) -> Result<Vec<Rc<Vec<u8>>>, String>
     Ok(all)
 }
 
-/// "application/octet-stream;base64,AAAA"
+/// Bytes of a data URI: "application/octet-stream;base64,AAAA".
 fn decoded(data: &str, index: usize) -> Result<Vec<u8>, String> {
     let text = data.split_once(";base64,").map(|(_, text)| text);
     let bytes = text.and_then(|t| base64::engine::general_purpose::STANDARD.decode(t).ok());
@@ -161,15 +163,15 @@ fn roots(gltf: &Gltf) -> Vec<Node<'_>> {
     gltf.nodes().filter(|node| !is_child[node.index()]).collect()
 }
 
-/// A node where it stands.
-struct Place<'a> {
+/// Node with its transform.
+struct PlacedNode<'a> {
     node: Node<'a>,
     scene_from_node: Matrix4<f64>,
-    /// What it or the nearest node above is called.
+    /// Surface by the name of the node or of its nearest named ancestor.
     surface: Option<Surface>,
 }
 
-impl<'a> Place<'a> {
+impl<'a> PlacedNode<'a> {
     fn root(node: Node<'a>) -> Self {
         Self::below(node, &Matrix4::identity(), None)
     }
@@ -185,11 +187,11 @@ impl<'a> Place<'a> {
     }
 }
 
-/// A document read so far.
+/// Mesh built so far, and the data it is built from.
 struct Reader {
     buffers: Vec<Rc<Vec<u8>>>,
-    /// What the pictures are called.
-    pictures: Vec<Option<Surface>>,
+    /// Surfaces by the names of the textures.
+    textures: Vec<Option<Surface>>,
     mesh: Mesh,
     /// Vertices and triangles at most.
     most: usize,
@@ -197,7 +199,7 @@ struct Reader {
 }
 
 impl Reader {
-    fn show(&mut self, place: &Place<'_>) -> Result<(), Fault> {
+    fn show(&mut self, place: &PlacedNode<'_>) -> Result<(), Fault> {
         let Some(mesh) = place.node.mesh() else { return Ok(()) };
         let of_mesh = || mesh.name().and_then(Surface::from_loose_name);
         let named = place.surface.or_else(of_mesh).unwrap_or(self.default);
@@ -208,17 +210,17 @@ impl Reader {
         Ok(())
     }
 
-    /// What a material is called, or its picture.
+    /// Surface by the name of the material, else of its texture.
     fn material(&self, primitive: &Primitive<'_>) -> Option<Surface> {
         let material = primitive.material();
         let picture = || {
             let info = material.pbr_metallic_roughness().base_color_texture()?;
-            *self.pictures.get(info.texture().source()?.index())?
+            *self.textures.get(info.texture().source()?.index())?
         };
         material.name().and_then(Surface::from_loose_name).or_else(picture)
     }
 
-    /// Points and lines have no faces.
+    /// Adds the triangles of a primitive; points and lines have none.
     fn add(
         &mut self,
         primitive: &Primitive<'_>,
@@ -239,7 +241,7 @@ impl Reader {
             > self.most
         {
             let most = self.most;
-            return Err(Fault::Format(format!("it shows more than {most} vertices and triangles")));
+            return Err(Fault::Format(format!("it has more than {most} vertices and triangles")));
         }
         let first = self.mesh.vertices.len() as u32;
         let vertices = (0..points.count).map(|at| {
@@ -257,7 +259,7 @@ impl Reader {
                 let fault = MeshFault::IndexOutOfRange { face, index, vertices: points.count };
                 found.map(|corner| first + corner).ok_or(fault)
             };
-            let [a, b, c] = numbers(primitive.mode(), triangle);
+            let [a, b, c] = corner_numbers(primitive.mode(), triangle);
             self.mesh.triangles.push([corner(a)?, corner(b)?, corner(c)?]);
         }
         self.mesh.vertices.extend(vertices);
@@ -291,7 +293,7 @@ impl Reader {
     }
 }
 
-/// Values in a buffer.
+/// Elements of an accessor in a buffer.
 struct Strided {
     bytes: Rc<Vec<u8>>,
     first: usize,
@@ -300,7 +302,7 @@ struct Strided {
 }
 
 impl Strided {
-    /// All of them lie in the buffer.
+    /// Refuses an accessor that reaches beyond its view or buffer.
     fn new(buffers: &[Rc<Vec<u8>>], accessor: &Accessor<'_>) -> Result<Self, String> {
         let index = accessor.index();
         if accessor.sparse().is_some() {
@@ -334,10 +336,10 @@ impl Strided {
     }
 }
 
-/// Numbers of the vertices that are corners.
+/// Vertex indices of the triangles.
 enum Corners {
     InOrder(usize),
-    /// Whole numbers of so many bytes.
+    /// Unsigned integers and their size in bytes.
     Listed(Strided, u8),
 }
 
@@ -366,8 +368,8 @@ impl Corners {
     }
 }
 
-/// Which corners a triangle has; winding carries no meaning.
-fn numbers(mode: Mode, triangle: usize) -> [usize; 3] {
+/// Positions of a triangle's corners in the list of indices; the winding has no meaning.
+fn corner_numbers(mode: Mode, triangle: usize) -> [usize; 3] {
     match mode {
         Mode::TriangleStrip => [triangle, triangle + 1, triangle + 2],
         Mode::TriangleFan => [0, triangle + 1, triangle + 2],
@@ -429,7 +431,7 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_is_told_by_material_node_node_above_or_mesh() {
+    fn a_surface_is_named_by_material_node_ancestor_or_mesh() {
         let nodes = r#"{"children":[1,2],"name":"brick house"},{"mesh":1},
                        {"mesh":1,"name":"window"},{"mesh":1},{"mesh":0,"name":"window"}"#;
         let of = |material: &str| parse(&document(nodes, "0,3,4", material)).unwrap().materials;
@@ -443,16 +445,16 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_tells_the_surface_of_a_material_without_a_telling_name() {
+    fn a_texture_names_the_surface_of_a_material_without_a_known_name() {
         let material = r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}"#;
         let text = document(r#"{"mesh":0}"#, "0", material);
-        let pictured = |image: &str| {
+        let textured = |image: &str| {
             let more = format!(r#""textures":[{{"source":0}}],"images":[{image}],"meshes""#);
             parse(&text.replacen(r#""meshes""#, &more, 1)).unwrap().materials
         };
-        assert_eq!(pictured(r#"{"uri":"tex/asphalt.png"}"#), [Surface::Asphalt.index()]);
+        assert_eq!(textured(r#"{"uri":"tex/asphalt.png"}"#), [Surface::Asphalt.index()]);
         assert_eq!(
-            pictured(r#"{"uri":"data:image/png;base64,road","name":"glass"}"#),
+            textured(r#"{"uri":"data:image/png;base64,road","name":"glass"}"#),
             [Surface::Glass.index()]
         );
     }
@@ -465,7 +467,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_document_promises_and_does_not_hold_is_refused() {
+    fn a_document_that_declares_more_than_it_holds_is_refused() {
         let whole = document(r#"{"mesh":0}"#, "0", "{}");
         assert!(parse(&whole).is_ok());
         let table = [

@@ -1,13 +1,13 @@
-//! Whether a mesh has ground, and the plane under one that has none.
+//! Test for ground in a mesh, and the plane fitted under one that has none.
 
 use crate::raycast::Raycaster;
 use crate::scene::{Mesh, Surface};
 
-/// Side of the cells whose lowest point counts, metres.
+/// Side of the cells of which the lowest vertex counts, metres.
 const CELL_M: f32 = 10.0;
-/// How far an added plane reaches past the mesh, metres: as far as the sensor sees.
+/// Margin of an added plane around the mesh, metres: as far as the sensor sees.
 const APRON_M: f32 = 130.0;
-/// Side of the added plane's tiles, metres; small ones keep the ray caster's boxes tight.
+/// Side of the tiles of an added plane, metres; small ones keep the boxes of the ray caster tight.
 const TILE_M: f32 = 10.0;
 
 /// `z = a·x + b·y + c`, metres.
@@ -28,14 +28,14 @@ impl Plane {
         self.a * x + self.b * y + self.c
     }
 
-    /// True for a plane that rises by a metre a metre at most, and lies no farther from the origin
-    /// than a place may reach, metres.
+    /// True when the plane rises by at most 1 m per metre and its height at the origin is within
+    /// the reach of a place, metres.
     #[must_use]
     pub fn is_ground(&self, max_reach_m: f32) -> bool {
         self.a.abs() <= 1.0 && self.b.abs() <= 1.0 && self.c.abs() <= f64::from(max_reach_m)
     }
 
-    /// Asphalt under a mesh of these bounds and well past them.
+    /// Asphalt plane under a mesh of these bounds, with the margin.
     pub(super) fn mesh(&self, low: [f32; 3], high: [f32; 3]) -> Mesh {
         let count =
             |i: usize| ((high[i] - low[i] + 2.0 * APRON_M) / TILE_M).ceil().min(400.0) as u32;
@@ -60,11 +60,11 @@ impl Plane {
     }
 }
 
-/// True when the mesh fills a quarter of its bounds or more, and 40 % of that is a sheet of ground.
+/// True when the mesh fills a quarter of its bounds or more, and 40 % of that is ground.
 ///
-/// A ray down from the sky and one up from below must meet the same surface, and it must lie near
-/// the lowest point around: a street between houses meets nothing, a house meets its roof and its
-/// floor, a roof without a floor lies too high.
+/// A point is ground when a ray from above and one from below meet the same surface, near the
+/// lowest point around it. Rays between houses meet nothing, a house is met at its roof and its
+/// floor, and a roof without a floor lies too high.
 pub(super) fn has_ground(mesh: &Mesh) -> bool {
     const SIDE: u32 = 64;
     const SHEET_M: f32 = 0.3;
@@ -86,26 +86,26 @@ pub(super) fn has_ground(mesh: &Mesh) -> bool {
     };
     let met: Vec<bool> = (0..SIDE * SIDE).filter_map(surface).collect();
     let ground = met.iter().filter(|&&is_ground| is_ground).count();
-    // The quarter and the 40 %, in whole numbers.
+    // A quarter and 40 %, in integers.
     4 * met.len() > (SIDE * SIDE) as usize && 5 * ground > 2 * met.len()
 }
 
-/// The plane under the lowest points of the mesh's cells.
+/// Plane through the lowest vertices of the cells.
 ///
-/// Least squares, reweighted by Cauchy's function of the residual over its median: cells that hold
-/// nothing but an overhanging roof stand far above the plane and lose their say.
+/// Least squares with Cauchy weights of the residual over its median: cells that hold only an
+/// overhanging roof lie far above the plane and lose their weight.
 pub(super) fn fit(mesh: &Mesh) -> Plane {
     let feet = Floor::new(mesh, CELL_M).feet();
     let lowest = feet.iter().map(|p| p[2]).fold(f64::INFINITY, f64::min);
     let level = Plane { a: 0.0, b: 0.0, c: if lowest.is_finite() { lowest } else { 0.0 } };
-    // Fewer cells cannot tell a slope from an overhang.
+    // Too few cells to tell a slope from an overhang.
     if feet.len() < 12 {
         return level;
     }
     let mut plane = Plane { c: median(feet.iter().map(|p| p[2]).collect()), ..level };
     for _ in 0..30 {
         let residual = |p: &[f64; 3]| p[2] - plane.height(p[0], p[1]);
-        // At least 5 cm: on a perfect plane the median is nothing, and nothing divides.
+        // At least 5 cm: on a perfect plane the median is 0, which cannot divide.
         let scale = median(feet.iter().map(|p| residual(p).abs()).collect()).max(0.05);
         let weights: Vec<f64> = feet
             .iter()

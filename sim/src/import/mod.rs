@@ -1,11 +1,12 @@
-//! Places made by others: PLY, OBJ, glTF and STL files become scenes.
+//! Import of meshes: PLY, OBJ, glTF and STL files become scenes.
 
+mod fan;
 mod fault;
 mod gltf;
 mod ground;
-mod library;
 mod obj;
 mod ply;
+mod referenced_files;
 mod semantic;
 mod stl;
 
@@ -18,36 +19,36 @@ use fault::Fault;
 
 use crate::scene::{MATERIALS, Mesh, MeshFault, Scene, Surface};
 pub use ground::Plane;
-use library::Shelf;
-pub use library::{Libraries, surfaces as library_surfaces};
+use referenced_files::ReferencedFiles;
+pub use referenced_files::{Libraries, surfaces as library_surfaces};
 pub use semantic::{Seen, Tags, parse_semantic};
 
-/// What lies under an imported place.
+/// Ground under an imported place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Ground {
-    /// A plane fitted to the feet of the place, unless it has ground of its own.
+    /// A plane fitted to the lowest points of the place, unless it has ground.
     #[default]
     Auto,
-    /// Nothing is added.
+    /// No ground is added.
     None,
-    /// This plane is added.
+    /// A given plane.
     Plane(Plane),
 }
 
-/// How to read a file.
+/// Options of the import.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImportOptions {
-    /// What lies under it.
+    /// Ground under the place.
     pub ground: Ground,
     /// Metres per unit of the file.
     pub scale: f32,
-    /// True when the file's y axis points up; z does otherwise. A glTF's does by definition.
+    /// True when the file's y axis points up, instead of z. A glTF's does by definition.
     pub y_up: bool,
-    /// Surface of faces that say nothing.
+    /// Surface of faces without one.
     pub default_surface: Surface,
     /// Largest coordinate a place may have, metres.
     pub max_reach_m: f32,
-    /// Which files a mesh may name.
+    /// Files that a mesh may open.
     pub libraries: Libraries,
 }
 
@@ -72,11 +73,11 @@ pub enum ImportError {
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
-    /// Its name ends as none of the formats' does.
-    #[error("{} is no .ply, .obj, .gltf, .glb or .stl file", path.display())]
+    /// Its extension is none of the formats'.
+    #[error("{} is not a .ply, .obj, .gltf, .glb or .stl file", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,
@@ -88,15 +89,15 @@ pub enum ImportError {
         path: PathBuf,
         /// "PLY", "OBJ", "glTF" or "STL".
         format: &'static str,
-        /// What is wrong, what was expected, where.
+        /// The fault: expected, found, and where.
         what: String,
     },
-    /// It follows its format, yet cannot be scanned.
+    /// It follows its format, but cannot be scanned.
     #[error("{} cannot be scanned: {fault}", path.display())]
     Unusable {
         /// The file.
         path: PathBuf,
-        /// What is wrong with the mesh.
+        /// The fault of the mesh.
         fault: MeshFault,
     },
 }
@@ -113,7 +114,8 @@ pub fn load_scene(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
     parse(path, format, &bytes, options)
 }
 
-/// What [`load_scene`] makes of a file's bytes; `path` tells the format and where libraries lie.
+/// As [`load_scene`], from the bytes of a file; `path` gives the format and the folder of the
+/// libraries.
 ///
 /// # Errors
 ///
@@ -126,26 +128,26 @@ pub fn parse_scene(
     parse(path, Format::of(path)?, bytes, options)
 }
 
-/// The files that [`load_scene`] reads with a mesh, in their order: an OBJ's material libraries, a
-/// glTF's buffers.
+/// Paths that [`load_scene`] reads with a mesh, in order: material libraries of an OBJ, buffers of
+/// a glTF.
 #[must_use]
 pub fn library_files(path: &Path, libraries: Libraries) -> Vec<PathBuf> {
-    let mut shelf = Shelf::new(folder_of(path), libraries);
+    let mut files = ReferencedFiles::new(folder_of(path), libraries);
     match Format::of(path) {
         Ok(Format::Obj) => {
             let bytes = read_data(path).unwrap_or_default();
             let names = obj::libraries(&String::from_utf8_lossy(&bytes)).collect::<Vec<_>>();
-            names.iter().flat_map(|names| shelf.files(names)).collect()
+            names.iter().flat_map(|names| files.files(names)).collect()
         }
         Ok(Format::Gltf) => {
             let uris = gltf::files(&read_data(path).unwrap_or_default());
-            uris.iter().filter_map(|uri| shelf.buffer_file(uri).ok()).collect()
+            uris.iter().filter_map(|uri| files.buffer_file(uri).ok()).collect()
         }
         _ => Vec::new(),
     }
 }
 
-/// The formats there are.
+/// Formats that are read.
 #[derive(Clone, Copy)]
 enum Format {
     Ply,
@@ -173,12 +175,12 @@ fn parse(
     bytes: &[u8],
     options: &ImportOptions,
 ) -> Result<Scene, ImportError> {
-    let mut shelf = Shelf::new(folder_of(path), options.libraries);
+    let mut files = ReferencedFiles::new(folder_of(path), options.libraries);
     let default = options.default_surface;
     let (name, mesh) = match format {
         Format::Ply => ("PLY", ply::read(bytes, default)),
-        Format::Obj => ("OBJ", obj::read(bytes, &mut |names| shelf.open(names), default)),
-        Format::Gltf => ("glTF", gltf::read(bytes, &mut |uri| shelf.buffer(uri), default)),
+        Format::Obj => ("OBJ", obj::read(bytes, &mut |names| files.open(names), default)),
+        Format::Gltf => ("glTF", gltf::read(bytes, &mut |uri| files.buffer(uri), default)),
         Format::Stl => ("STL", stl::read(bytes, default)),
     };
     let y_up = options.y_up || matches!(format, Format::Gltf);
@@ -186,14 +188,14 @@ fn parse(
     let name = path
         .file_stem()
         .map_or_else(|| "imported".into(), |stem| stem.to_string_lossy().into_owned());
-    mesh.and_then(|mesh| furnish(mesh, name, y_up, options)).map_err(|fault| match fault {
+    mesh.and_then(|mesh| finish_scene(mesh, name, y_up, options)).map_err(|fault| match fault {
         Fault::Format(what) => ImportError::Malformed { path: path.into(), format, what },
         Fault::Mesh(fault) => ImportError::Unusable { path: path.into(), fault },
     })
 }
 
-/// Metres, z up, on its ground.
-fn furnish(
+/// Scales the mesh to metres with z up, checks it and adds its ground.
+fn finish_scene(
     mut mesh: Mesh,
     name: String,
     y_up: bool,

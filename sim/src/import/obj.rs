@@ -1,25 +1,25 @@
-//! OBJ: positions, faces as fans, and the names that tell a face's surface.
+//! OBJ: positions, faces as fans, and surfaces by the names of materials and groups.
 //!
-//! Read here and not by a crate: tobj panics on a normal's number beyond 2⁶² and on an MTL's
-//! `Kd 0.5`, which is legal, and opens any file that the mesh names. Of the format's forty keywords
-//! a scene needs six, all of them words on a line.
+//! Read here instead of by a crate: tobj panics on a normal index beyond 2⁶² and on an MTL's legal
+//! `Kd 0.5`, and opens any file that the mesh names. A scene needs six of the format's forty
+//! keywords.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
 
+use super::fan::Fan;
 use super::fault::Fault;
-use super::library::keyword;
+use super::referenced_files::keyword;
 use crate::scene::{Mesh, MeshFault, Surface};
 use echoloop_files::shown;
 
-/// What an `mtllib` line names, opened: surfaces of materials by their names.
-pub(super) type Library<'a> = dyn FnMut(&str) -> Result<Vec<(String, Surface)>, String> + 'a;
+/// Reads the files of an `mtllib` line: surfaces of materials by name.
+pub(super) type OpenLibrary<'a> = dyn FnMut(&str) -> Result<Vec<(String, Surface)>, String> + 'a;
 
-/// The faces of a file with what lies under their vertices; `library` reads what an `mtllib` line
-/// names.
+/// Reads the faces and the vertices that they use; `library` reads the files of an `mtllib` line.
 pub(super) fn read(
     bytes: &[u8],
-    library: &mut Library<'_>,
+    library: &mut OpenLibrary<'_>,
     default: Surface,
 ) -> Result<Mesh, Fault> {
     let text =
@@ -36,7 +36,7 @@ pub(super) fn read(
     Ok(reader.finish())
 }
 
-/// What the `mtllib` lines of a file name.
+/// Names on the `mtllib` lines of a file.
 pub(super) fn libraries(text: &str) -> impl Iterator<Item = String> {
     lines(text).filter_map(|(_, line)| match keyword(&line) {
         ("mtllib", names) => Some(names.to_owned()),
@@ -44,7 +44,7 @@ pub(super) fn libraries(text: &str) -> impl Iterator<Item = String> {
     })
 }
 
-/// Lines with their numbers, from 1; one that ends in a backslash goes on in the next.
+/// Lines with their numbers from 1; a backslash at the end continues a line.
 fn lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
     let mut rest = text.lines().zip(1..);
     std::iter::from_fn(move || {
@@ -52,12 +52,12 @@ fn lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
         let Some(start) = line.strip_suffix('\\') else {
             return Some((number, Cow::Borrowed(line)));
         };
-        // Grown in place: a file may be nothing but lines that go on.
-        let (mut whole, mut goes_on) = (start.to_owned(), true);
-        while goes_on {
+        // Appended in place: the whole file may be one continued line.
+        let (mut whole, mut is_continued) = (start.to_owned(), true);
+        while is_continued {
             let next = rest.next().map_or("", |(next, _)| next);
             let start = next.strip_suffix('\\');
-            goes_on = start.is_some();
+            is_continued = start.is_some();
             whole.push(' ');
             whole.push_str(start.unwrap_or(next));
         }
@@ -65,16 +65,16 @@ fn lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
     })
 }
 
-/// A file read so far.
+/// State of the reader.
 struct Reader {
-    /// Corners are numbers of positions until the file ends.
+    /// Corners are indices into `positions` until [`Reader::finish`].
     mesh: Mesh,
     positions: Vec<[f32; 3]>,
-    /// Positions of the whole file.
+    /// Number of positions in the whole file.
     vertices: usize,
     faces: usize,
-    /// What the libraries tell of materials, by their names.
-    told: HashMap<String, Surface>,
+    /// Surfaces of the materials of the libraries, by name.
+    materials: HashMap<String, Surface>,
     group: Option<Surface>,
     material: Option<Surface>,
     default: Surface,
@@ -87,43 +87,38 @@ impl Reader {
             positions: Vec::with_capacity(vertices),
             vertices,
             faces: 0,
-            told: HashMap::new(),
+            materials: HashMap::new(),
             group: None,
             material: None,
             default,
         }
     }
 
-    fn line(&mut self, line: &str, library: &mut Library<'_>) -> Result<(), Fault> {
+    fn line(&mut self, line: &str, library: &mut OpenLibrary<'_>) -> Result<(), Fault> {
         let (keyword, rest) = keyword(line);
         match keyword {
             "v" => self.positions.push(position(rest)?),
             "f" => self.face(rest)?,
             "o" | "g" => self.group = Surface::from_loose_name(rest),
             "usemtl" => {
-                let told = || self.told.get(rest).copied();
-                self.material = Surface::from_loose_name(rest).or_else(told);
+                let materials = || self.materials.get(rest).copied();
+                self.material = Surface::from_loose_name(rest).or_else(materials);
             }
-            "mtllib" => self.told.extend(library(rest)?),
+            "mtllib" => self.materials.extend(library(rest)?),
             _ => {}
         }
         Ok(())
     }
 
-    /// A polygon becomes a fan from its first corner.
+    /// Adds a polygon as a fan from its first corner.
     fn face(&mut self, words: &str) -> Result<(), Fault> {
-        let (mut first, mut last, mut count) = (0, 0, 0_usize);
+        let mut fan = Fan::default();
         for word in words.split_whitespace() {
             let corner = self.corner(word)?;
-            match count {
-                0 => first = corner,
-                1 => {}
-                _ => self.mesh.triangles.push([first, last, corner]),
-            }
-            (last, count) = (corner, count + 1);
+            self.mesh.triangles.extend(fan.push(corner));
         }
-        if count < 3 {
-            let face = self.faces;
+        if fan.count < 3 {
+            let (face, count) = (self.faces, fan.count);
             return Err(Fault::Format(format!(
                 "face {face} has {count} corners, expected three or more vertex numbers"
             )));
@@ -134,13 +129,13 @@ impl Reader {
         Ok(())
     }
 
-    /// The position of a corner, which may come after the face.
+    /// Index of the position of a corner; it may be defined after the face.
     fn corner(&self, word: &str) -> Result<u32, Fault> {
         let number = vertex_number(word).ok_or_else(|| {
             let word = shown(word);
             Fault::Format(format!("expected a vertex number as 7, 7/1, 7//2 or -1, found {word:?}"))
         })?;
-        // 1 is the first of the file, -1 the last so far.
+        // 1 is the first position of the file, -1 the last one read so far.
         let so_far = self.positions.len() as i64;
         let index = if number < 0 { so_far.saturating_add(number) } else { number - 1 };
         let (face, vertices) = (self.faces, self.vertices);
@@ -148,7 +143,7 @@ impl Reader {
         corner.ok_or(MeshFault::IndexOutOfRange { face, index, vertices }.into())
     }
 
-    /// The mesh with the positions that are corners, in the order of their faces.
+    /// Mesh of the positions in use, in the order of the faces.
     fn finish(mut self) -> Mesh {
         let mut places = vec![u32::MAX; self.positions.len()];
         for corner in self.mesh.triangles.as_flattened_mut() {
@@ -163,20 +158,20 @@ impl Reader {
     }
 }
 
-/// The first three numbers of a `v` line; a weight and colours may follow.
+/// First three numbers of a `v` line; a weight and colours may follow.
 fn position(words: &str) -> Result<[f32; 3], Fault> {
     three(words).ok_or_else(|| Fault::Format("expected a position of three numbers after v".into()))
 }
 
-/// The first three of a line's words, if they are numbers.
+/// First three words of a line, as numbers.
 pub(super) fn three(words: &str) -> Option<[f32; 3]> {
     let mut words = words.split_whitespace();
     let mut number = || words.next()?.parse().ok();
     Some([number()?, number()?, number()?])
 }
 
-/// First number of "7", "7/1", "7//2" or "7/1/2"; the others, of textures and normals, must be
-/// numbers too, but of nothing that a scene has.
+/// First index of "7", "7/1", "7//2" or "7/1/2". The indices of textures and normals are checked
+/// and ignored.
 fn vertex_number(word: &str) -> Option<i64> {
     let mut parts = word.split('/');
     let number = parts.next()?.parse().ok()?;
@@ -214,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_may_go_on_for_a_million_lines_and_keeps_its_number() {
+    fn a_line_may_continue_for_a_million_lines_and_keeps_its_number() {
         let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 \\\n{} 3\n", "\\\n".repeat(1_000_000));
         assert_eq!(parse(&text).unwrap().triangles, [[0, 1, 2]]);
         assert_eq!(
@@ -241,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_is_told_by_material_library_or_group() {
+    fn a_surface_is_named_by_material_library_or_group() {
         let v = "v 0 0 0\nv 1 0 0\nv 0 1 0\nmtllib a.mtl\n";
         let mut library = |name: &str| {
             assert_eq!(name, "a.mtl");

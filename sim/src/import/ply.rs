@@ -1,10 +1,11 @@
-//! PLY: vertices, faces as fans, and what the file says of a face's surface.
+//! PLY: vertices, faces as fans, and surfaces by semantic, part or label.
 
 use std::collections::HashMap;
 
 use echoloop_files::ply::{self, Body};
 use ply_rs_bw::ply::{ElementDef, Header, Property, PropertyAccess, PropertyAccessResult};
 
+use super::fan::Fan;
 use super::fault::Fault;
 use crate::scene::{Mesh, MeshFault, Surface};
 
@@ -23,11 +24,12 @@ const SEMANTICS: [Surface; 10] = [
     Surface::Plaster,
 ];
 
-/// Triangles at most of faces whose corners are numbers of one byte: they name 256 vertices, and
-/// each byte would become a triangle of thirteen.
-const MOST_OF_BYTES: usize = 1 << 20;
+/// Triangles at most from faces with one-byte indices: such faces name only 256 vertices, and each
+/// byte of the file would become a triangle of 13 bytes.
+const MAX_BYTE_TRIANGLES: usize = 1 << 20;
 
-/// A face as the file has it: its list of corners is not made longer than it is there.
+/// Face as in the file; its list of corners keeps its type, so that it takes no more memory than
+/// there.
 #[derive(Debug, Default)]
 struct Face {
     corners: Option<Property>,
@@ -56,7 +58,7 @@ impl PropertyAccess for Face {
     }
 }
 
-/// A vertex as the file has it.
+/// Vertex as in the file.
 #[derive(Debug, Default)]
 struct Vertex {
     at: [f32; 3],
@@ -80,7 +82,8 @@ impl PropertyAccess for Vertex {
     }
 }
 
-fn integer(value: &Property) -> Option<i64> {
+/// Value of an integer property.
+pub(super) fn integer(value: &Property) -> Option<i64> {
     Some(match *value {
         Property::Char(v) => v.into(),
         Property::UChar(v) => v.into(),
@@ -111,8 +114,9 @@ pub(super) fn read(bytes: &[u8], default: Surface) -> Result<Mesh, Fault> {
     let (header, reader) = ply::header(bytes)?;
     let (vertex, face) = (ply::vertex(&header)?, faces(&header)?);
     let mut body = Body::new(&header, reader, None)?;
-    let parts = told(&header, "part ");
-    let mut labels = Labels { surfaces: told(&header, "label "), of_vertices: Vec::new() };
+    let parts = named_surfaces(&header, "part ");
+    let mut labels =
+        Labels { surfaces: named_surfaces(&header, "label "), of_vertices: Vec::new() };
     let (mut mesh, mut number) = (Mesh::default(), 0);
     for element in header.elements.values() {
         if element.name == vertex.name {
@@ -127,7 +131,7 @@ pub(super) fn read(bytes: &[u8], default: Surface) -> Result<Mesh, Fault> {
             })?;
         } else if element.name == face.name {
             body.read(element, |face: Face| {
-                check_bytes(&mesh, &face)?;
+                check_byte_indices(&mesh, &face)?;
                 add(&mut mesh, &face, number, vertex.count)?;
                 let surface = face_surface(&face, &parts, &labels).unwrap_or(default);
                 mesh.materials.resize(mesh.triangles.len(), surface.index());
@@ -141,22 +145,22 @@ pub(super) fn read(bytes: &[u8], default: Surface) -> Result<Mesh, Fault> {
     Ok(mesh)
 }
 
-/// Whether there is room for a face.
-fn check_bytes(mesh: &Mesh, face: &Face) -> Result<(), Fault> {
+/// Refuses a face that would exceed [`MAX_BYTE_TRIANGLES`].
+fn check_byte_indices(mesh: &Mesh, face: &Face) -> Result<(), Fault> {
     let bytes = match &face.corners {
         Some(Property::ListUChar(corners)) => corners.len(),
         Some(Property::ListChar(corners)) => corners.len(),
         _ => return Ok(()),
     };
-    match mesh.triangles.len() + bytes > MOST_OF_BYTES {
+    match mesh.triangles.len() + bytes > MAX_BYTE_TRIANGLES {
         true => Err(Fault::Format(format!(
-            "vertex numbers of one byte make more than {MOST_OF_BYTES} triangles"
+            "vertex numbers of one byte make more than {MAX_BYTE_TRIANGLES} triangles"
         ))),
         false => Ok(()),
     }
 }
 
-/// The faces' part of a header.
+/// Element of the faces in a header.
 fn faces(header: &Header) -> Result<&ElementDef, String> {
     let face = header.elements.get("face").ok_or("expected an `element face`")?;
     match ["vertex_indices", "vertex_index"].iter().any(|&name| face.properties.contains_key(name))
@@ -166,15 +170,15 @@ fn faces(header: &Header) -> Result<&ElementDef, String> {
     }
 }
 
-/// What comments say of parts or labels: "part 3 Oak_bark" or "part 0=bark 1=leaf". What is said
-/// first counts.
-fn told(header: &Header, what: &str) -> HashMap<i64, Surface> {
-    let mut told = HashMap::new();
+/// Surfaces by number from comments on parts or labels, as "part 3 Oak_bark" or "part 0=bark
+/// 1=leaf". The first comment on a number counts.
+fn named_surfaces(header: &Header, what: &str) -> HashMap<i64, Surface> {
+    let mut surfaces = HashMap::new();
     let comments = header.comments.iter().map(ToString::to_string);
     for (number, surface) in comments.flat_map(|comment| names(&comment, what)) {
-        told.entry(number).or_insert(surface);
+        surfaces.entry(number).or_insert(surface);
     }
-    told
+    surfaces
 }
 
 fn names(comment: &str, what: &str) -> Vec<(i64, Surface)> {
@@ -192,10 +196,10 @@ fn names(comment: &str, what: &str) -> Vec<(i64, Surface)> {
     after.split_whitespace().filter_map(listed).chain(single(after)).collect()
 }
 
-/// The property of a face or a vertex that is a number for what it belongs to.
+/// Property of a face or a vertex that numbers its class.
 const LABEL: &str = "label";
 
-/// What labels mean, and those of the vertices.
+/// Surfaces by label, and the surfaces of the vertices.
 struct Labels {
     surfaces: HashMap<i64, Surface>,
     of_vertices: Vec<Option<Surface>>,
@@ -206,7 +210,7 @@ impl Labels {
         self.surfaces.get(&label?).copied()
     }
 
-    /// That of two of the first three corners, else of the first.
+    /// Majority surface of the first three corners, else that of the first.
     fn of_corners(&self, face: &Face) -> Option<Surface> {
         let corners = face.corners.as_ref().and_then(integers)?;
         let of = |corner: i64| *self.of_vertices.get(usize::try_from(corner).ok()?)?;
@@ -225,19 +229,14 @@ fn face_surface(face: &Face, parts: &HashMap<i64, Surface>, labels: &Labels) -> 
 
 /// Adds a polygon as a fan from its first corner.
 fn add(mesh: &mut Mesh, face: &Face, number: usize, vertices: usize) -> Result<(), Fault> {
-    let (mut first, mut last, mut count) = (0, 0, 0_usize);
+    let mut fan = Fan::default();
     for index in face.corners.as_ref().and_then(integers).into_iter().flatten() {
         let corner = u32::try_from(index).ok().filter(|&i| (i as usize) < vertices);
         let corner = corner.ok_or(MeshFault::IndexOutOfRange { face: number, index, vertices })?;
-        match count {
-            0 => first = corner,
-            1 => {}
-            _ => mesh.triangles.push([first, last, corner]),
-        }
-        (last, count) = (corner, count + 1);
+        mesh.triangles.extend(fan.push(corner));
     }
-    match count {
-        0..3 => {
+    match fan.count {
+        count @ 0..3 => {
             Err(Fault::Format(format!("face {number} has {count} corners, expected three or more")))
         }
         _ => Ok(()),

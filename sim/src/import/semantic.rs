@@ -1,32 +1,33 @@
-//! Scans with semantics: CARLA's semantic LiDAR as PLY.
+//! Scans with semantic labels: PLY files of CARLA's semantic LiDAR.
 //!
-//! | property | type | what |
+//! | property | type | meaning |
 //! |---|---|---|
 //! | `x`, `y`, `z` | float32 | m, sensor frame, left-handed: x ahead, y right, z up |
 //! | `CosAngle` | float32 | cosine between beam and normal |
-//! | `ObjIdx` | uint32 | the object, of which nothing is asked |
-//! | `ObjTag` | uint32 | its class |
+//! | `ObjIdx` | uint32 | index of the object, unused |
+//! | `ObjTag` | uint32 | class of the object |
 //!
-//! What CARLA's own sensor gives as intensity knows no surfaces. Here each class has a measured
-//! reflectance, and a point sends back what a surface there would.
+//! The intensity of CARLA's own sensor does not depend on the surface. Here each class has a
+//! measured reflectance, and a point returns what its surface would send back.
 
 use echoloop_files::ply::{self, Body};
 use echoloop_frontend::Return;
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 
+use super::ply::integer;
 use crate::scanner::backscattered;
 use crate::scene::{MATERIALS, Material, Surface};
 
-/// What the numbers of classes mean: CARLA changed them once.
+/// Numbering of the classes: CARLA changed it once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tags {
-    /// 0.9.14 and later, as CityScapes has them.
+    /// 0.9.14 and later, as in CityScapes.
     Carla0914,
     /// 0.9.11 to 0.9.13.
     Carla0911,
 }
 
-/// A class's name and surface, by number.
+/// Name and surface of a class.
 type Class = (&'static str, Surface);
 
 /// `carla::rpc::CityObjectLabel` since 0.9.14.
@@ -62,16 +63,16 @@ const CARLA_0914: [Class; 29] = [
     ("guard rail", Surface::Metal),
 ];
 
-/// The same of 0.9.11, in the order of 0.9.11: numbers of [`CARLA_0914`], and of "vehicle", which
-/// was one class, that of a car.
+/// Classes of 0.9.11 in its order, as indices into [`CARLA_0914`]; its one class "vehicle" is a
+/// car.
 const CARLA_0911: [u8; 23] =
     [0, 3, 5, 22, 12, 6, 24, 1, 2, 9, 14, 4, 8, 11, 25, 26, 27, 28, 7, 20, 21, 23, 10];
 
 impl Tags {
-    /// As the configuration has them.
+    /// Names in the configuration.
     pub const NAMES: [&str; 2] = ["carla-0.9.14", "carla-0.9.11"];
 
-    /// By their name.
+    /// Numbering by its name.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         let at = Self::NAMES.iter().position(|known| *known == name)?;
@@ -85,7 +86,7 @@ impl Tags {
         }
     }
 
-    /// A class, by its number.
+    /// Name and surface of the class with a number.
     #[must_use]
     pub fn class(self, tag: u32) -> Option<(&'static str, Surface)> {
         let tag = usize::try_from(tag).ok()?;
@@ -107,20 +108,20 @@ impl Tags {
     }
 }
 
-/// A point as a beam.
+/// Beam of a labelled point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
     /// Unit vector, sensor frame: x ahead, y left, z up.
     pub direction: [f32; 3],
-    /// What comes back; of a surface along the beam nothing.
+    /// Return of the surface; `None` for a surface along the beam.
     pub echo: Option<Return>,
 }
 
-/// The points of a file.
+/// Reads the points of a file.
 ///
 /// # Errors
 ///
-/// What is wrong with it, and with which point.
+/// A message with the fault and the index of the point.
 pub fn parse_semantic(bytes: &[u8], tags: Tags) -> Result<Vec<Seen>, String> {
     let (header, reader) = ply::header(bytes)?;
     let vertex = ply::vertex(&header)?;
@@ -138,7 +139,7 @@ pub fn parse_semantic(bytes: &[u8], tags: Tags) -> Result<Vec<Seen>, String> {
             body.skip(element)?;
             continue;
         }
-        body.read(element, |point: Point| {
+        body.read(element, |point: LabelledPoint| {
             let of_point = |what| format!("point {}: {what}", seen.len());
             seen.push(point.seen(tags).map_err(of_point)?);
             Ok::<_, String>(())
@@ -147,15 +148,15 @@ pub fn parse_semantic(bytes: &[u8], tags: Tags) -> Result<Vec<Seen>, String> {
     Ok(seen)
 }
 
-/// A point as the file has it.
+/// Point as in the file.
 #[derive(Debug, Default)]
-struct Point {
+struct LabelledPoint {
     at: [f32; 3],
     cos_angle: f32,
     tag: Option<u32>,
 }
 
-impl PropertyAccess for Point {
+impl PropertyAccess for LabelledPoint {
     fn new() -> Self {
         Self::default()
     }
@@ -163,7 +164,7 @@ impl PropertyAccess for Point {
     fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
         let axis = ["x", "y", "z"].iter().position(|axis| *axis == name);
         match (axis, name) {
-            (None, "ObjTag") => self.tag = whole(&value),
+            (None, "ObjTag") => self.tag = integer(&value).and_then(|tag| tag.try_into().ok()),
             (None, "CosAngle") => self.cos_angle = value.to_f32_lossy().unwrap_or(f32::NAN),
             (Some(axis), _) => self.at[axis] = value.to_f32_lossy().unwrap_or(f32::NAN),
             _ => return PropertyAccessResult::Ignored,
@@ -172,19 +173,7 @@ impl PropertyAccess for Point {
     }
 }
 
-fn whole(value: &Property) -> Option<u32> {
-    match *value {
-        Property::UChar(v) => Some(v.into()),
-        Property::UShort(v) => Some(v.into()),
-        Property::UInt(v) => Some(v),
-        Property::Char(v) => v.try_into().ok(),
-        Property::Short(v) => v.try_into().ok(),
-        Property::Int(v) => v.try_into().ok(),
-        _ => None,
-    }
-}
-
-impl Point {
+impl LabelledPoint {
     fn seen(&self, tags: Tags) -> Result<Seen, String> {
         let [x, y, z] = self.at;
         let range = (f64::from(x).powi(2) + f64::from(y).powi(2) + f64::from(z).powi(2)).sqrt();
@@ -200,7 +189,7 @@ impl Point {
         let range_m = range as f32;
         let strength_per_m2 = backscattered(tags.material(tag)?, cos.min(1.0), range_m);
         let echo = (strength_per_m2 > 0.0).then_some(Return { range_m, strength_per_m2 });
-        // Theirs points right.
+        // CARLA's y points right.
         Ok(Seen { direction: [unit(x), -unit(y), unit(z)], echo })
     }
 }
@@ -245,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_to_the_right_is_a_beam_to_the_right_of_its_class_s_reflectance() {
+    fn a_point_to_the_right_is_a_beam_to_the_right_with_the_reflectance_of_its_class() {
         let file = format!("{HEADER}3 4 0 -0.5 7 1\n");
         let [seen] = parse_semantic(file.as_bytes(), Tags::Carla0914).unwrap()[..] else {
             panic!("one point")
@@ -258,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_semantic_scan_says_what_is_missing_or_unknown_and_where() {
+    fn a_file_that_is_no_semantic_scan_is_refused_with_the_missing_or_unknown_item() {
         let whole = format!("{HEADER}3 4 0 0.5 7 1\n");
         let table = [
             (whole.replace("0.5 7 1", "0.5 7 29"), "point 0: ObjTag 29 is none of 0 to 28"),
@@ -279,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn our_own_scan_written_as_theirs_comes_back_as_the_same_response() {
+    fn a_simulated_scan_written_as_a_carla_file_reads_back_as_the_same_response() {
         let wall = Mesh {
             vertices: vec![[9.0, -20.0, -20.0], [12.0, 20.0, -20.0], [10.0, 0.0, 30.0]],
             triangles: vec![[0, 1, 2]],

@@ -1,30 +1,30 @@
-//! STL: triangles without materials, as text or 50 bytes each.
+//! STL: triangles without materials, as text or as binary records of 50 bytes.
 //!
-//! Read here and not by a crate: stl_io reads the first solid of a text and forgets the others,
-//! takes a binary file for text when its header begins with "solid", and lists the words of a line
-//! however long it is.
+//! Read here instead of by a crate: stl_io reads only the first solid of a text file, takes a
+//! binary file whose header begins with "solid" for text, and splits a line into words however long
+//! it is.
 
 use echoloop_files::shown;
 
 use super::fault::Fault;
-use super::library::keyword;
 use super::obj::three;
+use super::referenced_files::keyword;
 use crate::scene::{Mesh, Surface};
 
-/// Header of a binary file, with the number of its triangles.
+/// Bytes of the header of a binary file, including the number of triangles.
 const HEADER: usize = 84;
-/// Bytes of a triangle: its normal, three corners, two bytes that mean nothing.
+/// Bytes of a triangle: normal, three corners, two unused bytes.
 const RECORD: usize = 50;
 
-/// The triangles of a file; the name of a solid may tell its surface.
+/// Reads the triangles of a file; the name of a solid may give its surface.
 pub(super) fn read(bytes: &[u8], default: Surface) -> Result<Mesh, Fault> {
-    let promised = promised(bytes);
-    let is_exact = promised.is_some_and(|count| bytes.len() == HEADER + RECORD * count);
+    let declared = declared_triangles(bytes);
+    let is_exact = declared.is_some_and(|count| bytes.len() == HEADER + RECORD * count);
     let begins = bytes.trim_ascii_start().get(..5).unwrap_or_default();
     if !is_exact && begins.eq_ignore_ascii_case(b"solid") {
         return text(bytes, default);
     }
-    let Some(count) = promised else {
+    let Some(count) = declared else {
         let found = bytes.len();
         return Err(Fault::Format(format!(
             "expected text that begins with \"solid\" or a header of {HEADER} bytes, found {found} \
@@ -34,8 +34,8 @@ pub(super) fn read(bytes: &[u8], default: Surface) -> Result<Mesh, Fault> {
     binary(&bytes[HEADER..], count, default)
 }
 
-/// How many triangles a binary file says it has.
-fn promised(bytes: &[u8]) -> Option<usize> {
+/// Number of triangles that the header of a binary file declares.
+fn declared_triangles(bytes: &[u8]) -> Option<usize> {
     let count = bytes.get(HEADER - 4..HEADER)?.first_chunk()?;
     Some(u32::from_le_bytes(*count) as usize)
 }
@@ -75,12 +75,12 @@ fn text(bytes: &[u8], default: Surface) -> Result<Mesh, Fault> {
     }
 }
 
-/// A text read so far.
+/// State of the reader of text.
 struct Reader {
     mesh: Mesh,
-    /// The surface of the solid that the line is in.
+    /// Surface of the current solid; `None` between solids.
     solid: Option<Surface>,
-    /// Of the loop that it is in: three at most.
+    /// Corners of the current loop: three at most.
     corners: Vec<[f32; 3]>,
     default: Surface,
 }
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn every_solid_is_read_and_its_name_tells_the_surface() {
+    fn every_solid_is_read_and_its_name_gives_the_surface() {
         let file = format!(
             "  SOLID brick wall\n{FACET}endsolid brick wall\n\nsolid Part1\n{FACET}{FACET}\
              endsolid\n"
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_short_or_no_stl_says_where() {
+    fn a_truncated_or_malformed_stl_is_refused_with_its_line() {
         let two = FACET.replace("vertex 1 0 0\n", "");
         let four = FACET.replace("vertex 1 0 0\n", "vertex 1 0 0\nvertex 1 0 0\n");
         let table = [

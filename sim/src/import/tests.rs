@@ -84,7 +84,7 @@ fn a_malformed_file_is_refused_by_name_and_reason() {
         ("none.gltf", r#"{"asset":{"version":"2.0"}}"#.into(), "no faces"),
         ("text.gltf", "hello".into(), "is not a glTF mesh: expected value at line 1"),
         ("cut.glb", "glTF\u{2}\0\0\0".into(), "its header is cut short"),
-        ("mesh.fbx", "solid\n".into(), "is no .ply, .obj, .gltf, .glb or .stl file"),
+        ("mesh.fbx", "solid\n".into(), "is not a .ply, .obj, .gltf, .glb or .stl file"),
     ];
     for (name, content, reason) in table {
         let error = load(name, content.as_bytes()).expect_err(name).to_string();
@@ -94,7 +94,7 @@ fn a_malformed_file_is_refused_by_name_and_reason() {
     }
 }
 
-/// A triangle of so many metres in a glTF whose buffer lies in a file.
+/// glTF with a triangle of `size_m` and its buffer in a file of its own.
 fn gltf(size_m: f32) -> (String, Vec<u8>) {
     let positions = [0.0, 0.0, 0.0, size_m, 0.0, 0.0, 0.0, size_m, 0.0];
     let text = format!(
@@ -120,7 +120,7 @@ fn a_gltf_stands_upright_with_its_buffer_from_beside_it() {
     assert!(library_files(&path, Libraries::Beside).is_empty());
     std::fs::write(folder.path().join("a b.bin"), buffer).expect("a file");
     let scene = load_scene(&path, &options).expect("a scene");
-    // y of the file points up.
+    // The y axis of the file points up.
     assert_eq!(scene.mesh.vertices, [[0.0, 0.0, 3.0], [2.0, 0.0, 3.0], [0.0, 0.0, 5.0]]);
     assert_eq!(scene.mesh.materials, [Surface::Brick.index()]);
     let files = library_files(&path, Libraries::Beside);
@@ -176,7 +176,7 @@ fn bytes_that_are_not_text_are_no_obj() {
 }
 
 #[test]
-fn a_vertex_that_is_no_point_is_named() {
+fn a_vertex_that_is_not_finite_is_named() {
     for bad in [f32::NAN, f32::INFINITY] {
         let mut bytes = HEADER.replace("ascii", "binary_little_endian").into_bytes();
         let coordinates = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, bad, 0.0, 0.0, 1.0, 0.0];
@@ -200,7 +200,7 @@ fn no_prefix_of_a_file_and_no_flipped_byte_panics() {
     assert_eq!(load("good.ply", &binary).expect("good").mesh.triangles.len(), 2);
     let obj = "mtllib x.mtl\nv 0 0 0\nv 1 0 0\nvt 0 0\nvn 0 0 1\nv 1 1 0\ng wall\n\
                f 1/1/1 2/1/1 -1//1\nf 1 2 3\n";
-    // The readers themselves: no file for each of these.
+    // Called directly: a file for each of these would be slow.
     let read_ply = |bytes: &[u8]| drop(ply::read(bytes, Surface::Unknown));
     let read_obj = |bytes: &[u8]| drop(obj::read(bytes, &mut |_| Ok(Vec::new()), Surface::Unknown));
     for_all_damage(text.as_bytes(), read_ply);
@@ -208,7 +208,7 @@ fn no_prefix_of_a_file_and_no_flipped_byte_panics() {
     for_all_damage(obj.as_bytes(), read_obj);
 }
 
-/// Every prefix, and every byte changed in a few ways.
+/// Reads every prefix, and the bytes with each one changed in a few ways.
 fn for_all_damage(good: &[u8], read: impl Fn(&[u8])) {
     for k in 0..good.len() {
         read(&good[..k]);
@@ -289,7 +289,7 @@ fn a_plane_that_is_no_ground_is_refused() {
         [f64::INFINITY, 0.0, 0.0],
     ] {
         let said = load(bad[0], bad[1], bad[2]).expect_err("no ground").to_string();
-        assert!(said.contains("must rise by 1 m a metre at most"), "{said}");
+        assert!(said.contains("must rise by at most 1 m per metre"), "{said}");
     }
     let scene = load(0.5, -1.0, -5000.0).expect("steep, but ground");
     assert!(scene.mesh.vertices.iter().flatten().all(|x| x.is_finite()));
@@ -333,7 +333,7 @@ fn ingolstadt_gets_its_street_and_can_be_scanned() {
             .expect("the city");
     assert_eq!(bare.mesh.triangles.len(), 83_146);
     assert!(!ground::has_ground(&bare.mesh));
-    // The fit that its README gives, and that fit's residual.
+    // The plane and its residual as in the README of the data.
     let (found, known) = (ground::fit(&bare.mesh), Plane { a: 0.002_60, b: 0.012_17, c: -3.093 });
     let (low, high) = bare.area;
     for [x, y] in
@@ -352,7 +352,7 @@ fn ingolstadt_gets_its_street_and_can_be_scanned() {
 }
 
 #[test]
-fn worlds_of_others_keep_their_ground_and_can_be_scanned() {
+fn imported_worlds_keep_their_ground_and_can_be_scanned() {
     let Some(folder) = echoloop_needs::data_folder("the agriculture and inspection worlds") else {
         return;
     };

@@ -1,13 +1,13 @@
-//! Which colour stands for a material.
+//! Colours of materials.
 
-/// Red, green and blue in sRGB by which a material is shown, in pictures and in pages: near to what
-/// such things look like, and far enough from each other to be told apart.
+/// Colour of a material in pictures and pages, sRGB: close to its appearance, and distinct from the
+/// others.
 ///
-/// A name that is not listed gets a colour of its own, always the same.
+/// A name outside the table gets a colour derived from the name.
 #[must_use]
 pub fn colour(material: &str) -> [u8; 3] {
     let listed = COLOURS.iter().find(|(name, _)| *name == material);
-    listed.map_or_else(|| of_unlisted(material), |(_, colour)| *colour)
+    listed.map_or_else(|| colour_from_name(material), |(_, colour)| *colour)
 }
 
 #[rustfmt::skip]
@@ -40,9 +40,9 @@ const COLOURS: [(&str, [u8; 3]); 26] = [
     ("water", [48, 106, 140]),
 ];
 
-/// From the name alone, between 70 and 229, so that it is neither black nor white.
-fn of_unlisted(name: &str) -> [u8; 3] {
-    // FNV-1a, and a mix at its end: of names alike only the lowest bits of it differ.
+/// Colour from the name alone. Channels lie between 70 and 229: neither black nor white.
+fn colour_from_name(name: &str) -> [u8; 3] {
+    // FNV-1a with a final mix: the hashes of similar names differ only in their lowest bits.
     let hash = name.bytes().fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
     });
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_that_nobody_listed_has_a_colour_of_its_own() {
+    fn a_name_outside_the_table_has_a_colour_of_its_own() {
         assert_eq!(colour("moss"), colour("moss"));
         assert_ne!(colour("moss"), colour("mosses"));
         assert!(colour("moss").iter().all(|channel| (70..230).contains(channel)));

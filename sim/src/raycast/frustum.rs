@@ -1,55 +1,54 @@
-//! Which boxes any of some rays from one place may enter.
+//! Boxes that any of some rays from one place may enter.
 
-use super::wide::{Child, WIDTH, Wide};
+use super::wide_bvh::{Child, WIDTH, WideNode};
 
-/// More than what rounding does to where a ray enters a box, as a part of the distance: four
-/// operations of 2⁻²⁴ each.
+/// Relative bound on the rounding of the distance to a box: more than four operations of 2⁻²⁴ each.
 const ROUNDING: f32 = 1e-6;
 
-/// More boxes than usually wait to be looked into.
+/// Initial capacity of the stack: more boxes than are usually pending.
 pub(super) const DEPTH: usize = 64;
 
-/// Rays that look for what they meet first.
+/// Rays that search for their nearest hit.
 pub(super) trait Rays {
-    /// How far the one still has to look that has to look farthest, metres.
+    /// Largest distance at which a hit still matters to one of the rays, metres.
     fn farthest_m(&self) -> f32;
 
-    /// Looks at the triangles of a leaf.
-    fn meet(&mut self, leaf: Child);
+    /// Intersects the rays with the triangles of a leaf.
+    fn visit_leaf(&mut self, leaf: Child);
 }
 
-/// What bounds rays from one place.
+/// Bounds of rays from one place.
 ///
 /// ```text
-/// enter = max over axes of near · 1/d_max     near, far: a box's sides as the rays come to them
+/// enter = max over axes of near · 1/d_max     near, far: sides of a box as the rays reach them
 /// leave = min over axes of far · 1/d_min      d: the directions' components along the axis
 /// ```
 ///
 /// No ray enters a box before `enter` or leaves it after `leave`. Where some rays run along an axis
-/// and others against it they may leave at any time, and `enter` is of the side they start from.
+/// and others against it, `leave` is infinite and `enter` is taken from the side they start on.
 pub(super) struct Frustum {
     origin: [f32; 3],
-    axes: [Along; 3],
+    axes: [AxisBounds; 3],
 }
 
-/// Along one axis.
+/// Bounds along one axis.
 #[derive(Clone, Copy)]
-struct Along {
-    /// Which side of a box comes first: 0 the low one, 1 the high one.
+struct AxisBounds {
+    /// Index of the near side of a box: 0 the low one, 1 the high one.
     near: usize,
-    /// 1/d of the ray that gets to the near side first.
+    /// 1/d of the ray that reaches the near side first.
     to_near: f32,
-    /// 1/d of the one that gets first to the far side from behind; 0: there is none.
+    /// 1/d of the ray that reaches the far side first from behind; 0 for none.
     from_behind: f32,
-    /// 1/d of the ray that gets to the far side last; 0: not all of them get there.
+    /// 1/d of the ray that reaches the far side last; 0 when not all of them do.
     to_far: f32,
-    /// Leaves no earlier than that: infinite when not all get to the far side.
+    /// Lower bound on `leave`, metres: infinite when not all rays reach the far side.
     leave_m: f32,
 }
 
-impl Along {
+impl AxisBounds {
     fn new(least: f32, greatest: f32) -> Self {
-        // Also of a ray that does not run along the axis at all, finite.
+        // Finite even for a ray square to the axis.
         let inverse = |d: f32| {
             1.0 / if d < 0.0 { d.min(-f32::MIN_POSITIVE) } else { d.max(f32::MIN_POSITIVE) }
         };
@@ -69,27 +68,27 @@ impl Along {
 }
 
 impl Frustum {
-    /// Of rays along such directions.
+    /// Bounds of rays along `directions`.
     #[inline(always)]
     pub(super) fn new(origin: [f32; 3], directions: &[[f32; 3]]) -> Self {
-        let mut axes = [Along::new(0.0, 0.0); 3];
+        let mut axes = [AxisBounds::new(0.0, 0.0); 3];
         for (axis, along) in axes.iter_mut().enumerate() {
             let (mut least, mut greatest) = (f32::INFINITY, f32::NEG_INFINITY);
             for direction in directions {
                 least = least.min(direction[axis]);
                 greatest = greatest.max(direction[axis]);
             }
-            *along = Along::new(least, greatest);
+            *along = AxisBounds::new(least, greatest);
         }
         Self { origin, axes }
     }
 
-    /// Where rays may enter each box of a node; infinite where none can.
+    /// Least distance to each box of a node; infinite for a box that no ray enters.
     #[inline(always)]
-    fn enter(&self, node: &Wide) -> [f32; WIDTH] {
+    fn enter(&self, node: &WideNode) -> [f32; WIDTH] {
         let (mut enter, mut leave) = ([0.0_f32; WIDTH], [f32::INFINITY; WIDTH]);
         for axis in 0..3 {
-            let Along { near, to_near, from_behind, to_far, leave_m } = self.axes[axis];
+            let AxisBounds { near, to_near, from_behind, to_far, leave_m } = self.axes[axis];
             let (origin, bounds) = (self.origin[axis], &node.bounds[axis]);
             let (nears, fars) = (&bounds[near & 1], &bounds[1 - (near & 1)]);
             for k in 0..WIDTH {
@@ -105,9 +104,14 @@ impl Frustum {
         enter
     }
 
-    /// Shows rays all leaves that they may meet something in, near ones first.
+    /// Visits all leaves that the rays may hit, near ones first.
     #[inline(always)]
-    pub(super) fn traverse(&self, nodes: &[Wide], rays: &mut impl Rays, stack: &mut Vec<Pending>) {
+    pub(super) fn traverse(
+        &self,
+        nodes: &[WideNode],
+        rays: &mut impl Rays,
+        stack: &mut Vec<Pending>,
+    ) {
         stack.clear();
         stack.push(Pending { enter_m: 0.0, child: Child::default() });
         while let Some(Pending { enter_m, child }) = stack.pop() {
@@ -115,16 +119,17 @@ impl Frustum {
                 continue;
             }
             if child.count > 0 {
-                rays.meet(child);
+                rays.visit_leaf(child);
             } else if let Some(node) = nodes.get(child.first as usize) {
                 self.push(node, rays.farthest_m(), stack);
             }
         }
     }
 
-    /// The nearest goes on the stack last.
+    /// Pushes the children of a node in falling order of distance, so that the nearest is popped
+    /// first.
     #[inline(always)]
-    fn push(&self, node: &Wide, farthest_m: f32, stack: &mut Vec<Pending>) {
+    fn push(&self, node: &WideNode, farthest_m: f32, stack: &mut Vec<Pending>) {
         let first = stack.len();
         let entered = self.enter(node).into_iter().zip(node.children);
         for (enter_m, child) in entered.take(node.used as usize) {
@@ -141,14 +146,14 @@ impl Frustum {
     }
 }
 
-/// A box to look into.
+/// Box to visit, with the distance to it.
 #[derive(Clone, Copy)]
 pub(super) struct Pending {
     enter_m: f32,
     child: Child,
 }
 
-// One instruction each; `f32::min` looks for NaN, too, of which there are none.
+// One instruction each: `f32::min` also handles NaN, and there is none here.
 #[inline(always)]
 pub(super) fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
@@ -164,7 +169,7 @@ mod tests {
     use super::*;
     use echoloop_random::Generator;
 
-    /// Where a ray is in a box, metres, by slabs in f64.
+    /// Interval in which a ray is in a box, metres, by slabs in f64.
     fn span(origin: [f32; 3], direction: [f32; 3], low: [f32; 3], high: [f32; 3]) -> [f64; 2] {
         let mut span = [0.0, f64::INFINITY];
         for axis in 0..3 {
@@ -179,8 +184,8 @@ mod tests {
         span
     }
 
-    fn node(boxes: &[[[f32; 3]; 2]; WIDTH]) -> Wide {
-        let mut node = Wide { used: WIDTH as u32, ..Wide::EMPTY };
+    fn node(boxes: &[[[f32; 3]; 2]; WIDTH]) -> WideNode {
+        let mut node = WideNode { used: WIDTH as u32, ..WideNode::EMPTY };
         for (k, sides) in boxes.iter().enumerate() {
             for (axis, bounds) in node.bounds.iter_mut().enumerate() {
                 (bounds[0][k], bounds[1][k]) = (sides[0][axis], sides[1][axis]);
@@ -190,16 +195,16 @@ mod tests {
     }
 
     #[test]
-    fn no_ray_of_the_frustum_is_in_a_box_before_it_says_or_in_one_that_it_leaves_out() {
+    fn no_ray_enters_a_box_before_the_bound_or_one_that_the_frustum_skips() {
         let mut rng = Generator::new(21, 0);
-        let (mut entered, mut left_out) = (0, 0);
+        let (mut entered, mut skipped) = (0, 0);
         for round in 0..4000 {
             let origin: [f32; 3] = std::array::from_fn(|_| rng.spread(30.0) as f32);
             let boxes: [[[f32; 3]; 2]; WIDTH] = std::array::from_fn(|_| {
                 let low: [f32; 3] = std::array::from_fn(|_| rng.spread(40.0) as f32);
                 [low, low.map(|x| x + rng.range(0.01, 20.0) as f32)]
             });
-            // From one ray to rays all round; along axes, too.
+            // From a single ray to rays all round, some of them along axes.
             let mut axis = rng.direction();
             axis[round % 3] *= [1.0, 0.0, 1e-9][round / 3 % 3];
             let width = [0.0, 1e-3, 0.05, 2.0][round % 4];
@@ -215,9 +220,9 @@ mod tests {
                 let first = first.fold(f64::INFINITY, f64::min);
                 assert!(f64::from(enter[k]) <= first, "{} after {first}", enter[k]);
                 entered += usize::from(first < f64::INFINITY);
-                left_out += usize::from(enter[k] == f32::INFINITY);
+                skipped += usize::from(enter[k] == f32::INFINITY);
             }
         }
-        assert!(entered > 1000 && left_out > 10_000, "{entered} {left_out}");
+        assert!(entered > 1000 && skipped > 10_000, "{entered} {skipped}");
     }
 }

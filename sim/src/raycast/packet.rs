@@ -1,40 +1,40 @@
-//! Many rays from one place at a time.
+//! Packets of rays from one place.
 //!
-//! The sub-rays of a beam lie within milliradians, so they visit nearly the same boxes. What one
-//! ray meets does not depend on those beside it: each lane is computed as it would be alone. The
-//! loops over lanes are loops, not closures, which would not be compiled for the vector unit.
+//! The sub-rays of a beam lie within milliradians of each other and visit nearly the same boxes.
+//! Each lane is computed as it would be alone, so a hit does not depend on the other rays. The
+//! loops over lanes are written out, because closures are not vectorised here.
 
 use echoloop_dispatch::dispatch;
 
 use super::frustum::{DEPTH, Frustum, Pending, Rays, larger, smaller};
-use super::triangle::{Sheared, Triangle, axes, steepest};
-use super::wide::{Child, Wide};
+use super::triangle::{ShearedRay, Triangle, axes, dominant_axis};
+use super::wide_bvh::{Child, WideNode};
 
-/// Rays at a time: as many as a beam has by default, 25, and what fills vectors.
+/// Lanes of a packet: the 25 sub-rays of a default beam, rounded up to whole vectors.
 pub(super) const LANES: usize = 32;
 
 type Lanes = [f32; LANES];
 
-/// What a ray meets first.
+/// Nearest hit of a ray so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Meeting {
-    /// The triangle, in the order of the hierarchy's leaves; [`Meeting::NOTHING`]'s for none.
+pub(super) struct LeafHit {
+    /// Index of the triangle in the order of the leaves; that of [`LeafHit::MISS`] for none.
     pub(super) slot: u32,
     /// Metres.
     pub(super) range_m: f32,
-    /// The triangle in its mesh: of two in the same distance the later one counts, whatever the
-    /// hierarchy. What is modelled later lies on what was there, as paint does.
+    /// Index of the triangle in its mesh. The later one wins a tie in distance, in any hierarchy: a
+    /// surface modelled later, such as paint, lies on the earlier one.
     index: u32,
 }
 
-impl Meeting {
-    /// No triangle up to a distance.
-    const fn nothing_within(range_m: f32) -> Self {
+impl LeafHit {
+    /// No hit within a distance.
+    const fn miss_within(range_m: f32) -> Self {
         Self { slot: u32::MAX, range_m, index: u32::MAX }
     }
 
-    /// None at all.
-    pub(super) const NOTHING: Self = Self::nothing_within(f32::INFINITY);
+    /// No hit at any distance.
+    pub(super) const MISS: Self = Self::miss_within(f32::INFINITY);
 
     #[inline(always)]
     fn offer(&mut self, slot: u32, range_m: f32, index: u32) {
@@ -46,38 +46,38 @@ impl Meeting {
 }
 
 dispatch! {
-    /// What each of up to [`LANES`] directions meets first.
+    /// Nearest hit along each of up to [`LANES`] directions.
     pub(super) fn nearest(
-        nodes: &[Wide],
+        nodes: &[WideNode],
         triangles: &[Triangle],
         origin: [f32; 3],
         directions: &[[f32; 3]],
         stack: &mut Vec<Pending>,
-    ) -> [Meeting; LANES] = nearest_inline;
+    ) -> [LeafHit; LANES] = nearest_inline;
 
-    /// What one direction meets first within a distance, metres.
-    pub(super) fn nearest_alone(
-        nodes: &[Wide],
+    /// Nearest hit along one direction within a distance, metres.
+    pub(super) fn nearest_single(
+        nodes: &[WideNode],
         triangles: &[Triangle],
         origin: [f32; 3],
         direction: [f32; 3],
         within_m: f32,
-    ) -> Meeting = nearest_alone_inline;
+    ) -> LeafHit = nearest_single_inline;
 }
 
 #[inline(always)]
 fn nearest_inline(
-    nodes: &[Wide],
+    nodes: &[WideNode],
     triangles: &[Triangle],
     origin: [f32; 3],
     directions: &[[f32; 3]],
     stack: &mut Vec<Pending>,
-) -> [Meeting; LANES] {
-    let mut meetings = [Meeting::NOTHING; LANES];
+) -> [LeafHit; LANES] {
+    let mut hits_of_lanes = [LeafHit::MISS; LANES];
     for axis in 0..3 {
         let (mut lanes, mut along, mut count) = ([0; LANES], [[0.0; 3]; LANES], 0);
         for (lane, &direction) in directions.iter().enumerate().take(LANES) {
-            if steepest(direction) == axis {
+            if dominant_axis(direction) == axis {
                 (lanes[count], along[count]) = (lane, direction);
                 count += 1;
             }
@@ -87,68 +87,68 @@ fn nearest_inline(
             let mut packet = Packet::new(triangles, origin, axis, along);
             Frustum::new(origin, along).traverse(nodes, &mut packet, stack);
             for (k, &lane) in lanes.iter().enumerate().take(count) {
-                meetings[lane] = packet.meeting(k);
+                hits_of_lanes[lane] = packet.hit(k);
             }
         }
     }
-    meetings
+    hits_of_lanes
 }
 
 #[inline(always)]
-fn nearest_alone_inline(
-    nodes: &[Wide],
+fn nearest_single_inline(
+    nodes: &[WideNode],
     triangles: &[Triangle],
     origin: [f32; 3],
     direction: [f32; 3],
     within_m: f32,
-) -> Meeting {
-    let (ray, meeting) = (Sheared::new(origin, direction), Meeting::nothing_within(within_m));
-    let mut alone = Alone { triangles, ray, meeting };
+) -> LeafHit {
+    let (ray, hit) = (ShearedRay::new(origin, direction), LeafHit::miss_within(within_m));
+    let mut alone = SingleRay { triangles, ray, hit };
     let mut stack = Vec::with_capacity(DEPTH);
     Frustum::new(origin, &[direction]).traverse(nodes, &mut alone, &mut stack);
-    alone.meeting
+    alone.hit
 }
 
-/// One ray, and what it has met.
-struct Alone<'a> {
+/// One ray with its nearest hit so far.
+struct SingleRay<'a> {
     triangles: &'a [Triangle],
-    ray: Sheared,
-    meeting: Meeting,
+    ray: ShearedRay,
+    hit: LeafHit,
 }
 
-impl Rays for Alone<'_> {
+impl Rays for SingleRay<'_> {
     #[inline(always)]
     fn farthest_m(&self) -> f32 {
-        self.meeting.range_m
+        self.hit.range_m
     }
 
     #[inline(always)]
-    fn meet(&mut self, leaf: Child) {
+    fn visit_leaf(&mut self, leaf: Child) {
         for slot in leaf.first..leaf.first + leaf.count {
             let triangle = &self.triangles[slot as usize];
-            let range_m = self.ray.meets(&triangle.corners);
-            self.meeting.offer(slot, range_m, triangle.index);
+            let range_m = self.ray.distance_m(&triangle.corners);
+            self.hit.offer(slot, range_m, triangle.index);
         }
     }
 }
 
-/// Rays that run along the same axis, and what they have met.
+/// Rays with the same dominant axis, and their nearest hits so far.
 struct Packet<'a> {
     triangles: &'a [Triangle],
     origin: [f32; 3],
     axes: [usize; 3],
     shear: [Lanes; 3],
-    /// Distance of the nearest triangle so far; of a lane without a ray, −∞.
+    /// Distance of the nearest hit so far, metres; −∞ for an unused lane.
     range_m: Lanes,
-    /// The greatest of them.
+    /// Largest of `range_m`.
     farthest_m: f32,
-    /// The triangle, and its number in the mesh, as [`Meeting`] has them.
+    /// Triangle of the nearest hit, as in [`LeafHit`].
     slot: [u32; LANES],
     index: [u32; LANES],
 }
 
 impl<'a> Packet<'a> {
-    /// Of rays that run along `z`; lanes without a ray repeat the last.
+    /// Packet of rays with the dominant axis `z`; unused lanes repeat the last ray.
     #[inline(always)]
     fn new(triangles: &'a [Triangle], origin: [f32; 3], z: usize, directions: &[[f32; 3]]) -> Self {
         let axes = axes(z);
@@ -171,13 +171,13 @@ impl<'a> Packet<'a> {
         Self { triangles, origin, axes, shear, range_m, farthest_m: f32::INFINITY, slot, index }
     }
 
-    fn meeting(&self, lane: usize) -> Meeting {
-        Meeting { slot: self.slot[lane], range_m: self.range_m[lane], index: self.index[lane] }
+    fn hit(&self, lane: usize) -> LeafHit {
+        LeafHit { slot: self.slot[lane], range_m: self.range_m[lane], index: self.index[lane] }
     }
 
-    /// [`Sheared::meets`] of all rays, and [`Meeting::offer`].
+    /// [`ShearedRay::distance_m`] and [`LeafHit::offer`] for all lanes.
     #[inline(always)]
-    fn meet_one(&mut self, slot: u32, triangle: &Triangle) {
+    fn intersect(&mut self, slot: u32, triangle: &Triangle) {
         let [a, b, c] = &triangle.corners;
         let [a, b, c] = [self.shift(a), self.shift(b), self.shift(c)];
         let edges = [edge(&c, &b), edge(&a, &c), edge(&b, &a)];
@@ -189,7 +189,7 @@ impl<'a> Packet<'a> {
             outside[lane] = if one_sign { 0.0 } else { 1.0 };
         }
         if least(nearest_edge) == 0.0 {
-            return self.meet_on_an_edge(slot, triangle);
+            return self.intersect_edge(slot, triangle);
         }
         if least(outside) > 0.0 {
             return;
@@ -207,20 +207,20 @@ impl<'a> Packet<'a> {
         }
     }
 
-    /// The same where a ray meets an edge, as far as `f32` can tell: one by one.
+    /// As [`Packet::intersect`], lane by lane, where a ray is on an edge as far as `f32` can tell.
     #[cold]
-    fn meet_on_an_edge(&mut self, slot: u32, triangle: &Triangle) {
+    fn intersect_edge(&mut self, slot: u32, triangle: &Triangle) {
         for lane in 0..LANES {
             let shear = self.shear.map(|axis| axis[lane]);
-            let ray = Sheared { origin: self.origin, axes: self.axes, shear };
-            let mut meeting = self.meeting(lane);
-            meeting.offer(slot, ray.meets(&triangle.corners), triangle.index);
+            let ray = ShearedRay { origin: self.origin, axes: self.axes, shear };
+            let mut hit = self.hit(lane);
+            hit.offer(slot, ray.distance_m(&triangle.corners), triangle.index);
             (self.slot[lane], self.range_m[lane], self.index[lane]) =
-                (meeting.slot, meeting.range_m, meeting.index);
+                (hit.slot, hit.range_m, hit.index);
         }
     }
 
-    /// A corner as each ray sees it.
+    /// Corner in the sheared coordinates of each ray.
     #[inline(always)]
     fn shift(&self, corner: &[f32; 3]) -> [Lanes; 3] {
         let [i, j, k] = self.axes;
@@ -243,16 +243,16 @@ impl Rays for Packet<'_> {
     }
 
     #[inline(always)]
-    fn meet(&mut self, leaf: Child) {
+    fn visit_leaf(&mut self, leaf: Child) {
         for slot in leaf.first..leaf.first + leaf.count {
             let triangle = self.triangles[slot as usize];
-            self.meet_one(slot, &triangle);
+            self.intersect(slot, &triangle);
         }
         self.farthest_m = greatest(self.range_m);
     }
 }
 
-/// On which side of the edge between two corners the rays pass.
+/// Sign of the side of an edge on which each ray passes.
 #[inline(always)]
 fn edge(p: &[Lanes; 3], q: &[Lanes; 3]) -> Lanes {
     let mut side = [0.0; LANES];
@@ -270,7 +270,7 @@ fn greatest(mut lanes: Lanes) -> f32 {
     -least(lanes)
 }
 
-// Written out: a function to be called for each pair would not be compiled for the vector unit.
+// Written out: calls for each pair of lanes would not be vectorised.
 #[inline(always)]
 fn least(mut lanes: Lanes) -> f32 {
     let mut half = LANES / 2;

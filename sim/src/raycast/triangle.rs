@@ -1,27 +1,29 @@
-//! Where a ray meets a triangle.
+//! Watertight intersection of a ray and a triangle.
 
-/// A triangle of a hierarchy.
+use crate::vector::{cross, dot, sub};
+
+/// Triangle of the hierarchy.
 #[derive(Clone, Copy)]
 pub(super) struct Triangle {
     pub(super) corners: [[f32; 3]; 3],
-    /// In its mesh.
+    /// Index in its mesh.
     pub(super) index: u32,
     pub(super) material: u8,
 }
 
-/// A ray in coordinates in which it runs along +z from the origin with unit slope.
+/// Ray in coordinates in which it runs from the origin along +z with unit slope.
 #[derive(Clone, Copy)]
-pub(super) struct Sheared {
+pub(super) struct ShearedRay {
     pub(super) origin: [f32; 3],
-    /// The two that it does not run along, and the one that it does.
+    /// The two other axes, then the dominant axis.
     pub(super) axes: [usize; 3],
     pub(super) shear: [f32; 3],
 }
 
-impl Sheared {
+impl ShearedRay {
     #[inline(always)]
     pub(super) fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
-        let z = steepest(direction);
+        let z = dominant_axis(direction);
         let axes = axes(z);
         let shear = [
             direction[axes[0]] / direction[z],
@@ -33,12 +35,12 @@ impl Sheared {
 
     /// Distance to a triangle, infinite for a miss.
     #[inline(always)]
-    pub(super) fn meets(&self, corners: &[[f32; 3]; 3]) -> f32 {
+    pub(super) fn distance_m(&self, corners: &[[f32; 3]; 3]) -> f32 {
         let [a, b, c] = [self.shift(&corners[0]), self.shift(&corners[1]), self.shift(&corners[2])];
         let mut edges =
             [c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0]];
         if edges.contains(&0.0) {
-            // On an edge, as far as f32 can tell: exact products decide for both neighbours alike.
+            // On an edge as far as f32 can tell: exact products give both neighbours one answer.
             let exact = |p: [f32; 3], q: [f32; 3]| {
                 (f64::from(p[0]) * f64::from(q[1]) - f64::from(p[1]) * f64::from(q[0])) as f32
             };
@@ -67,24 +69,15 @@ pub(super) fn axes(z: usize) -> [usize; 3] {
     [(z + 1) % 3, (z + 2) % 3, z]
 }
 
-/// The axis that a direction runs along.
+/// Axis of the largest component of a direction.
 #[inline(always)]
-pub(super) fn steepest(direction: [f32; 3]) -> usize {
+pub(super) fn dominant_axis(direction: [f32; 3]) -> usize {
     let magnitude = direction.map(f32::abs);
     (0..3).fold(0, |best, i| if magnitude[i] > magnitude[best] { i } else { best })
 }
 
 pub(super) fn cos_incidence(&[a, b, c]: &[[f32; 3]; 3], direction: [f32; 3]) -> f32 {
-    let (e, f) = (difference(b, a), difference(c, a));
-    let normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
+    let normal = cross(sub(b, a), sub(c, a));
     let length = (dot(normal, normal) * dot(direction, direction)).sqrt();
     if length > 0.0 { (dot(normal, direction) / length).abs().min(1.0) } else { 0.0 }
-}
-
-pub(crate) fn difference(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// What is wrong with a road network, before anybody knows its file's name.
+/// Fault of a road network, found before its file is named.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum RoadFault {
-    /// The file does not follow OpenDRIVE; what is wrong, and where.
+    /// The file does not follow OpenDRIVE: the fault and its place.
     #[error("{0}")]
     Format(String),
     /// A road cannot be built.
@@ -15,13 +15,13 @@ pub enum RoadFault {
     Road {
         /// The road's id.
         road: String,
-        /// What is wrong, what was expected.
+        /// The fault, and what was expected.
         what: String,
     },
-    /// It has no road.
+    /// The file has no road.
     #[error("it has no road")]
     NoRoads,
-    /// More road than a place has.
+    /// The roads are longer than those of any place.
     #[error("it has {found_km:.0} km of road, more than {most_km:.0} km: cut out a part of it")]
     TooLong {
         /// Length of all its roads, km.
@@ -29,7 +29,7 @@ pub enum RoadFault {
         /// The limit, km.
         most_km: f64,
     },
-    /// It reaches farther than a place may.
+    /// The network reaches farther than a place may.
     #[error(
         "road {road} reaches {reach_m:.0} m from the origin, more than {most_m:.0} m: is its \
          origin near?"
@@ -53,20 +53,20 @@ impl RoadFault {
 /// Why a file is not a road network.
 #[derive(Debug, Error)]
 pub enum RoadsError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
-    /// It is no network of roads that can be built.
-    #[error("{} is no OpenDRIVE road network: {fault}", path.display())]
+    /// The file is no road network that can be built.
+    #[error("{} is not an OpenDRIVE road network: {fault}", path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         fault: RoadFault,
     },
 }

@@ -1,4 +1,4 @@
-//! A road network: the surfaces of its lanes, what is painted on them, and what stands beside.
+//! Road network: the surfaces of its lanes, paint, signs and objects.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -6,37 +6,36 @@ use std::path::Path;
 use echoloop_files::{read_data, shown};
 use xodr::{LaneType, Layer, Shape, Warning};
 
-use super::document;
 use super::fault::{RoadFault, RoadsError};
-use super::profile::Profile;
+use super::opendrive_records;
+use super::profile::{Profile, placed};
 
-/// A network reaches no farther from its origin, metres: there points of 32 bits are rounded by
-/// 2 mm.
-const MOST_REACH_M: f64 = 50_000.0;
+/// Largest distance from the origin, metres: there 32-bit points are rounded to 2 mm.
+const MAX_REACH_M: f64 = 50_000.0;
 
-/// What a lane is for.
+/// Use of a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LaneKind {
-    /// Traffic; the only ones with waypoints, as CARLA has it.
+    /// Traffic. Only driving lanes have waypoints, as in CARLA.
     Driving,
-    /// Traffic of a kind: buses, bicycles, ramps.
+    /// Restricted traffic: buses, bicycles, ramps.
     Traffic,
     /// Parked cars.
     Parking,
-    /// Paved, not driven on: shoulders, kerbs, closed lanes.
+    /// Paved, but not driven on: shoulders, kerbs, closed lanes.
     Shoulder,
-    /// People on foot.
+    /// Pedestrians.
     Sidewalk,
-    /// Between carriageways.
+    /// Strip between carriageways.
     Median,
     /// Rails.
     Rail,
-    /// Part of a road without a use, or of one that is not known.
+    /// Part of a road without a use, or with an unknown one.
     Verge,
 }
 
 impl LaneKind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 8] = [
         Self::Driving,
         Self::Traffic,
@@ -48,7 +47,7 @@ impl LaneKind {
         Self::Verge,
     ];
 
-    /// What it is called.
+    /// Name in tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -85,30 +84,30 @@ impl LaneKind {
 pub struct Lane {
     /// Id of its road.
     pub road: String,
-    /// Index of the lane section within the road, by rising s.
+    /// Index of the lane section within the road, in order of s.
     pub section: usize,
-    /// OpenDRIVE's: negative on the right of the reference line, positive on the left.
+    /// Id in OpenDRIVE: negative on the right of the reference line, positive on the left.
     pub id: i32,
-    /// What it is for.
+    /// Use of the lane.
     pub kind: LaneKind,
     /// True for a road within a junction.
     pub in_junction: bool,
     /// Left and right border of its surface, seen along the road; two points or more, metres.
     pub ribs: Vec<[[f64; 3]; 2]>,
-    /// Lanes that its traffic may go on to, as indices into [`RoadNetwork::lanes`].
+    /// Lanes that its traffic may continue on, as indices into [`RoadNetwork::lanes`].
     pub successors: Vec<usize>,
     /// First and last s along the road's reference line, metres.
     pub span_m: [f64; 2],
-    /// The crate's.
+    /// Id in the crate `xodr`.
     pub(super) key: xodr::LaneId,
-    /// Its road's profile.
+    /// Index of its road's profile.
     pub(super) profile: usize,
 }
 
-/// What a sign is.
+/// Kind of a sign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SignKind {
-    /// Lights that change.
+    /// A traffic light.
     TrafficLight,
     /// A plate.
     Plate,
@@ -117,29 +116,29 @@ pub enum SignKind {
 /// A traffic light or sign.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sign {
-    /// What it is.
+    /// Kind of the sign.
     pub kind: SignKind,
-    /// Below its plate, on the road's surface or beside it, metres.
+    /// Point below its plate, on the surface of the road or beside it, metres.
     pub foot: [f64; 3],
-    /// Where it faces, radians counter-clockwise from x.
+    /// Direction it faces, radians counter-clockwise from x.
     pub facing_rad: f64,
 }
 
-/// An object that stands on the network, or is painted on it.
+/// Object that stands on the network or is painted on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prop {
-    /// Its name or, without one, its kind.
+    /// Name, or kind where it has none.
     pub name: String,
-    /// Its foot's outline, metres; three corners or more.
+    /// Outline of its base, metres; three corners or more.
     pub outline: Vec<[f64; 3]>,
-    /// How high it stands; 0 for paint, metres.
+    /// Height, metres; 0 for paint.
     pub height_m: f64,
 }
 
-/// Roads, and what belongs to them. See [`crate::roads`].
+/// Lanes, paint, signs and objects of a road network. See [`crate::roads`].
 #[derive(Clone, Debug)]
 pub struct RoadNetwork {
-    /// What to call it: the file's name without its end.
+    /// Name: that of the file without its extension.
     pub name: String,
     lanes: Vec<Lane>,
     paint: Vec<[[f64; 3]; 4]>,
@@ -162,7 +161,7 @@ pub fn load_network(path: &Path) -> Result<RoadNetwork, RoadsError> {
     parse_network(path, &bytes)
 }
 
-/// What [`load_network`] makes of a file's bytes; `path` gives the name.
+/// As [`load_network`], from the bytes of a file; `path` gives the name.
 ///
 /// # Errors
 ///
@@ -170,19 +169,19 @@ pub fn load_network(path: &Path) -> Result<RoadNetwork, RoadsError> {
 pub fn parse_network(path: &Path, bytes: &[u8]) -> Result<RoadNetwork, RoadsError> {
     let name = path.file_stem().map_or_else(String::new, |stem| shown(&stem.to_string_lossy()));
     let text = std::str::from_utf8(bytes)
-        .map_err(|error| RoadFault::Format(format!("it is no text in UTF-8: {error}")));
+        .map_err(|error| RoadFault::Format(format!("it is not UTF-8 text: {error}")));
     text.and_then(|text| RoadNetwork::parse(&name, text))
         .map_err(|fault| RoadsError::Malformed { path: path.into(), fault })
 }
 
 impl RoadNetwork {
-    /// Builds a network of the text of an OpenDRIVE file.
+    /// Builds a network from the text of an OpenDRIVE file.
     ///
     /// # Errors
     ///
     /// [`RoadFault`].
     pub fn parse(name: &str, text: &str) -> Result<Self, RoadFault> {
-        let (profiles, mut remarks) = document::profiles(text)?;
+        let (profiles, mut remarks) = opendrive_records::profiles(text)?;
         let (source, found) = xodr::load_str_with_provenance(text)
             .map_err(|error| RoadFault::Format(shown(&error.to_string())))?;
         for warning in found.warnings.iter().filter(|warning| !warning.is_ignored()) {
@@ -204,7 +203,7 @@ impl RoadNetwork {
             source,
             profiles,
         };
-        network.check_reach(MOST_REACH_M)?;
+        network.check_reach(MAX_REACH_M)?;
         Ok(network)
     }
 
@@ -230,7 +229,7 @@ impl RoadNetwork {
         &self.lanes
     }
 
-    /// Painted stripes: four corners each, metres.
+    /// Painted stripes, four corners each, metres.
     #[must_use]
     pub fn paint(&self) -> &[[[f64; 3]; 4]] {
         &self.paint
@@ -248,14 +247,14 @@ impl RoadNetwork {
         &self.props
     }
 
-    /// What the file says against the rules, and what was left out for it, without harm to a road:
-    /// a link that leads nowhere, an object without a place.
+    /// Remarks on harmless faults of the file and on items left out: a link that leads nowhere, an
+    /// object without a position.
     #[must_use]
     pub fn remarks(&self) -> &[String] {
         &self.remarks
     }
 
-    /// Roads there are.
+    /// Number of roads.
     #[must_use]
     pub fn roads(&self) -> usize {
         self.profiles.len()
@@ -277,15 +276,15 @@ impl RoadNetwork {
         })
     }
 
-    /// A place on a lane: `s` along its road, `across` to the left of the lane's middle, metres;
-    /// none beyond the lane's ends.
+    /// Point on a lane: `s` along its road, `across_m` to the left of the middle of the lane,
+    /// metres; `None` beyond the ends of the lane.
     #[must_use]
     pub fn point(&self, lane: usize, s: f64, across_m: f64) -> Option<[f64; 3]> {
         let lane = xodr::LanePosition { lane: self.lanes.get(lane)?.key, s, offset: across_m };
-        self.source.lane_point(lane).map(place)
+        self.source.lane_point(lane).map(rounded)
     }
 
-    /// How wide a lane is at `s`, metres.
+    /// Width of a lane at `s`, metres.
     #[must_use]
     pub fn width_m(&self, lane: usize, s: f64) -> Option<f64> {
         let key = self.lanes.get(lane)?.key;
@@ -294,15 +293,15 @@ impl RoadNetwork {
     }
 }
 
-/// Rounded to 2⁻¹² m: see [`crate::roads`].
-fn place(p: xodr::Point) -> [f64; 3] {
+/// Point rounded to 2⁻¹² m: see [`crate::roads`].
+fn rounded(p: xodr::Point) -> [f64; 3] {
     const STEPS: f64 = 4096.0;
     [p.x, p.y, p.z].map(|x| (f64::from(x) * STEPS).round() / STEPS)
 }
 
-/// Whether a warning is that a road, or a part of its surface, would be missing or wrong. Others
-/// are of links, marks, signs, objects, and of pieces without length; those of its reference line
-/// are looked at before.
+/// True when a warning means that a road or a part of its surface would be missing or wrong. The
+/// others concern links, marks, signs, objects and pieces without length; gaps in the reference
+/// line are checked before.
 fn breaks_a_road(warning: &Warning) -> bool {
     matches!(
         warning,
@@ -329,7 +328,7 @@ fn lanes(source: &xodr::RoadNetwork, profiles: &[Profile]) -> Result<Vec<Lane>, 
         let Some(&profile) = by_id.get(road.od_id()) else { continue };
         let corners = &mesh.vertices[span.vertices.start as usize..span.vertices.end as usize];
         let ribs: Vec<_> =
-            corners.chunks_exact(2).map(|pair| [place(pair[0]), place(pair[1])]).collect();
+            corners.chunks_exact(2).map(|pair| [rounded(pair[0]), rounded(pair[1])]).collect();
         lanes.push(Lane {
             road: road.od_id().to_owned(),
             section: on.section,
@@ -361,12 +360,12 @@ fn link(source: &xodr::RoadNetwork, lanes: &mut [Lane]) {
 
 fn paint(source: &xodr::RoadNetwork) -> Vec<[[f64; 3]; 4]> {
     let lines = source.road_marks().iter().flat_map(|mark| &mark.lines);
-    lines.flat_map(|line| line.pieces.iter().map(|piece| piece.map(place))).collect()
+    lines.flat_map(|line| line.pieces.iter().map(|piece| piece.map(rounded))).collect()
 }
 
 fn sign(signal: &xodr::Signal) -> Sign {
-    let [x, y, _] = place(signal.position);
-    // The plate may hang high or, in CARLA's files, below the road: its foot is on the surface.
+    let [x, y, _] = rounded(signal.position);
+    // The plate may hang high or, in CARLA's files, below the road, so the surface counts.
     let surface = signal.applies_at.first().map_or(signal.position.z, |p| p.z);
     Sign {
         kind: if signal.dynamic { SignKind::TrafficLight } else { SignKind::Plate },
@@ -381,10 +380,10 @@ fn prop(object: &xodr::Object) -> Option<Prop> {
         Shape::Outline { corners, closed: true, .. } => {
             let rise = |corner: &xodr::Corner| f64::from(corner.top.z - corner.base.z);
             let height_m = corners.iter().map(rise).fold(0.0, f64::max);
-            (corners.iter().map(|corner| place(corner.base)).collect(), height_m)
+            (corners.iter().map(|corner| rounded(corner.base)).collect(), height_m)
         }
         Shape::Solid { position, heading, extent: Some(extent), .. } => {
-            (foot(place(*position), f64::from(*heading), extent)?, height(extent)?)
+            (foot(rounded(*position), f64::from(*heading), extent)?, height(extent)?)
         }
         _ => return None,
     };
@@ -408,8 +407,10 @@ fn foot([x, y, z]: [f64; 3], heading: f64, extent: &xodr::Extent) -> Option<Vec<
         _ => return None,
     }
     .map(|size| 0.5 * f64::from(size));
-    let (cos, sin) = (libm::cos(heading), libm::sin(heading));
-    let corner = |u: f64, v: f64| [x + cos * u - sin * v, y + sin * u + cos * v, z];
+    let corner = |u: f64, v: f64| {
+        let [x, y] = placed([x, y], heading, [u, v]);
+        [x, y, z]
+    };
     Some(vec![
         corner(-along, -across),
         corner(along, -across),

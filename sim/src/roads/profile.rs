@@ -1,7 +1,7 @@
-//! What a road's own records say at a distance s along its reference line: heading, rise, and how
-//! the middle of a lane drifts across.
+//! Heading, rise and lane drift of a road at a distance s along its reference line, from the
+//! records of its file.
 //!
-//! Equations and names are of ASAM OpenDRIVE 1.8, chapters 9 (geometry), 10 (elevation) and 11
+//! Equations and names follow ASAM OpenDRIVE 1.8, chapters 9 (geometry), 10 (elevation) and 11
 //! (lanes).
 
 use std::collections::BTreeMap;
@@ -17,40 +17,39 @@ pub(super) struct Cubic {
 }
 
 impl Cubic {
-    /// The smallest value from its beginning to `length` metres on.
+    /// Smallest value from its start to `length` metres on.
     pub(super) fn least(&self, length: f64) -> f64 {
         let Self { a, b, c, d, .. } = *self;
-        // Where the slope b + 2 c x + 3 d x² is none; of a parabola at x = -b / 2 c.
+        // Zeros of the slope b + 2 c x + 3 d x²; of a parabola x = -b / 2 c.
         let root = (c * c - 3.0 * b * d).sqrt();
         let level = [-0.5 * b / c, (-c - root) / (3.0 * d), (-c + root) / (3.0 * d)];
         let within = level.into_iter().filter(|x| (0.0..=length).contains(x));
-        let values = within.chain([0.0, length]).map(|x| a + x * (b + x * (c + x * d)));
+        let values = within.chain([0.0, length]).map(|x| a + value_of([b, c, d], x));
         values.fold(f64::INFINITY, f64::min)
     }
 
     fn slope(&self, s: f64) -> f64 {
-        let x = s - self.s;
-        self.b + x * (2.0 * self.c + x * 3.0 * self.d)
+        slope_of([self.b, self.c, self.d], s - self.s)
     }
 }
 
-/// Index of the last record that begins at `s` or before, else of the first; records are by rising
+/// Index of the last record that starts at or before `s`, else of the first; records are sorted by
 /// `start`.
 fn last_at<T>(records: &[T], start: impl Fn(&T) -> f64, s: f64) -> usize {
     records.partition_point(|record| start(record) <= s + 1e-9).saturating_sub(1)
 }
 
-/// The slope at `s` of the record that holds there.
+/// Slope at `s`, from the record that applies there.
 fn slope_at(records: &[Cubic], s: f64) -> f64 {
     records.get(last_at(records, |record| record.s, s)).map_or(0.0, |record| record.slope(s))
 }
 
-/// The shape of a piece of the reference line.
+/// Shape of a piece of the reference line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Curve {
-    /// Straight.
+    /// A straight line.
     Line,
-    /// Curvature at its ends, 1/m: equal for an arc, linear between for a spiral.
+    /// Curvature at both ends, 1/m: equal for an arc, linear in between for a spiral.
     Spiral([f64; 2]),
     /// v(u) = a + b·u + c·u² + d·u³; b, c, d.
     Poly3([f64; 3]),
@@ -62,29 +61,36 @@ pub(super) enum Curve {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Geometry {
     pub(super) s: f64,
-    /// Where it begins, metres.
+    /// Start, metres.
     pub(super) at: [f64; 2],
     pub(super) heading_rad: f64,
     pub(super) length_m: f64,
     pub(super) curve: Curve,
 }
 
-fn slope_of([b, c, d]: [f64; 3], x: f64) -> f64 {
+/// World coordinates of a point `[u, v]` in a frame at `[x, y]`.
+pub(super) fn placed([x, y]: [f64; 2], heading_rad: f64, [u, v]: [f64; 2]) -> [f64; 2] {
+    let (cos, sin) = (libm::cos(heading_rad), libm::sin(heading_rad));
+    [x + cos * u - sin * v, y + sin * u + cos * v]
+}
+
+/// Slope of `b·x + c·x² + d·x³`.
+pub(super) fn slope_of([b, c, d]: [f64; 3], x: f64) -> f64 {
     b + x * (2.0 * c + x * 3.0 * d)
 }
 
 impl Geometry {
-    /// How far it turns in all, radians, at most.
+    /// Upper bound on the total turn, radians.
     pub(super) fn turn_rad(&self) -> f64 {
         match self.curve {
             Curve::Line => 0.0,
             Curve::Spiral([from, to]) => from.abs().max(to.abs()) * self.length_m,
-            // The tangent of a cubic goes round once at most.
+            // The tangent of a cubic makes one full turn at most.
             Curve::Poly3(_) | Curve::ParamPoly3 { .. } => std::f64::consts::TAU,
         }
     }
 
-    /// Where it ends, metres.
+    /// End, metres.
     pub(super) fn end(&self) -> [f64; 2] {
         let (u, v) = match self.curve {
             Curve::Line => (self.length_m, 0.0),
@@ -95,12 +101,11 @@ impl Geometry {
             }
             Curve::ParamPoly3 { u, v, most } => (value_of(u, most), value_of(v, most)),
         };
-        let (cos, sin) = (libm::cos(self.heading_rad), libm::sin(self.heading_rad));
-        [self.at[0] + cos * u - sin * v, self.at[1] + sin * u + cos * v]
+        placed(self.at, self.heading_rad, [u, v])
     }
 
-    /// How long a curve of its own parameter is, metres, roughly and never too much; others are as
-    /// long as they say.
+    /// Approximate length of a parametric curve, never too long, metres; other shapes have the
+    /// length of their record.
     pub(super) fn drawn_m(&self) -> f64 {
         let Curve::ParamPoly3 { u, v, most } = self.curve else { return self.length_m };
         let at = |k: u32| [u, v].map(|of| value_of(of, most * f64::from(k) / 16.0));
@@ -110,7 +115,7 @@ impl Geometry {
         (0..16).map(|k| chord([at(k), at(k + 1)])).sum()
     }
 
-    /// Its heading at its beginning and at its end, radians.
+    /// Heading at its start and at its end, radians.
     pub(super) fn ends_rad(&self) -> [f64; 2] {
         [self.s, self.s + self.length_m].map(|s| self.heading(s))
     }
@@ -132,12 +137,13 @@ impl Geometry {
     }
 }
 
+/// `b·x + c·x² + d·x³`.
 fn value_of([b, c, d]: [f64; 3], x: f64) -> f64 {
     x * (b + x * (c + x * d))
 }
 
-/// Where a piece ends whose curvature is linear, in the frame of its beginning: Simpson's rule over
-/// steps that turn by a quarter radian at most.
+/// End of a piece of linear curvature in the frame of its start: Simpson's rule with steps that
+/// turn by at most a quarter radian.
 fn spiral_end([from, to]: [f64; 2], length: f64) -> (f64, f64) {
     let turn = from.abs().max(to.abs()) * length;
     let steps = (4.0 * turn).ceil().clamp(2.0, 1e5) as u32;
@@ -150,7 +156,7 @@ fn spiral_end([from, to]: [f64; 2], length: f64) -> (f64, f64) {
     })
 }
 
-/// The u at which the curve v(u) is `along` metres long.
+/// u at which the curve v(u) is `along` metres long.
 fn reach_of(v: [f64; 3], along: f64) -> f64 {
     const STEPS: usize = 64;
     let step = along / STEPS as f64;
@@ -161,21 +167,21 @@ fn reach_of(v: [f64; 3], along: f64) -> f64 {
     })
 }
 
-/// Widths of the lanes of a lane section, which begins at `s`.
+/// Widths of the lanes of a lane section that begins at `s`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Section {
     pub(super) s: f64,
-    /// By the lane's id.
+    /// Width records by the id of the lane.
     pub(super) widths: BTreeMap<i32, Vec<Cubic>>,
 }
 
-/// The records of one road.
+/// Records of one road.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Profile {
     pub(super) id: String,
     pub(super) length_m: f64,
     pub(super) in_junction: bool,
-    /// Each list by rising s.
+    /// This list and those below are sorted by s.
     pub(super) geometries: Vec<Geometry>,
     pub(super) elevations: Vec<Cubic>,
     pub(super) lane_offsets: Vec<Cubic>,
@@ -200,21 +206,21 @@ impl Profile {
         [start(section).unwrap_or(0.0), start(section + 1).unwrap_or(self.length_m)]
     }
 
-    /// The section at `s`.
+    /// Index of the section at `s`.
     pub(super) fn section_at(&self, s: f64) -> usize {
         last_at(&self.sections, |section| section.s, s)
     }
 
-    /// How a lane's heading differs from its reference line's, radians: the slope of its middle's
-    /// offset, taken as the angle.
+    /// Heading of a lane relative to the reference line, radians: the slope of the offset of its
+    /// middle, taken as the angle.
     ///
     /// ```text
     /// right lane   O′ − (w₋₁′ + … + ½ w′)        O: lane offset, w: widths from the middle out
     /// left lane    (w₁′ + … + ½ w′) − O′
     /// ```
     ///
-    /// That of a left lane should have + O′. This is CARLA's convention (`Map::ComputeTransform`),
-    /// whose waypoints ours are compared with.
+    /// By geometry a left lane should have + O′. This is the convention of CARLA
+    /// (`Map::ComputeTransform`), with whose waypoints these are compared.
     pub(super) fn drift(&self, section: usize, lane: i32, s: f64) -> f64 {
         let widths = |id: i32| {
             let section = self.sections.get(section)?;

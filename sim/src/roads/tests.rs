@@ -2,7 +2,7 @@ use std::path::Path;
 
 use super::*;
 
-/// A straight road of 40 m along x with a lane on each side.
+/// Straight road of 40 m along x with a lane on each side.
 fn straight() -> String {
     road_of(r#"<geometry s="0" x="0" y="0" hdg="0" length="40"><line/></geometry>"#)
 }
@@ -23,7 +23,7 @@ fn road_of(plan: &str) -> String {
     )
 }
 
-/// Two straight pieces of 20 m each, the second where it is told.
+/// Two straight pieces of 20 m, with the start and heading of the second given.
 fn two_pieces(x: &str, y: &str, heading: &str) -> String {
     format!(
         r#"<geometry s="0" x="0" y="0" hdg="0" length="20"><line/></geometry>
@@ -41,7 +41,7 @@ fn lanes(count: usize) -> String {
     (10..10 + count).map(|id| format!(r#"<lane id="{id}" type="driving"/>"#)).collect()
 }
 
-/// A straight road with elements around each other below it. A `/>` in an attribute closes none.
+/// Straight road with nested elements. A `/>` inside an attribute closes none.
 fn nested(levels: usize) -> String {
     let (open, closed) = (r#"<q w="/>">"#.repeat(levels), "</q>".repeat(levels));
     straight().replace("</lanes>", &format!("</lanes>{open}{closed}"))
@@ -73,7 +73,7 @@ fn a_straight_road_has_lanes_on_both_sides() {
 }
 
 #[test]
-fn elements_may_be_nested_and_what_others_keep_in_a_road_is_not_read() {
+fn elements_may_be_nested_and_user_data_is_not_read() {
     assert!(parse(&nested(62)).is_ok());
     let theirs = r#"<userData s="x"><q hdg="NaN"><q a="-"/></q></userData>"#;
     let kept = straight().replace("</lanes>", &format!("</lanes>{theirs}"));
@@ -83,7 +83,7 @@ fn elements_may_be_nested_and_what_others_keep_in_a_road_is_not_read() {
 }
 
 #[test]
-fn a_piece_without_length_is_passed_over() {
+fn a_piece_without_length_is_skipped() {
     let pieces = r#"<geometry s="0" x="0" y="0" hdg="0" length="40"><line/></geometry>
 <geometry s="40" x="40" y="0" hdg="1" length="0"><line/></geometry>"#;
     let network = parse(&road_of(pieces)).expect("a network");
@@ -92,7 +92,7 @@ fn a_piece_without_length_is_passed_over() {
 }
 
 #[test]
-fn pieces_meet_within_a_rounding_and_headings_may_go_round() {
+fn pieces_may_differ_by_rounding_and_headings_by_whole_turns() {
     let turned = two_pieces("20.3", "0.3", "-6.2"); // 4.8 degrees and a whole turn
     assert!(parse(&road_of(&turned)).is_ok());
     let taper = straight().replace("a=\"3\" b=\"0\"", "a=\"3\" b=\"-0.076\""); // to -4 cm
@@ -104,7 +104,7 @@ fn pieces_meet_within_a_rounding_and_headings_may_go_round() {
 }
 
 #[test]
-fn places_of_a_network_lie_in_any_part_of_a_large_map() {
+fn a_network_may_lie_far_from_the_origin() {
     let line = r#"<geometry s="0" x="-9000" y="12000" hdg="0" length="40"><line/></geometry>"#;
     let network = parse(&road_of(line)).expect("a network");
     let ways = network.waypoints(10.0);
@@ -136,7 +136,7 @@ fn links_that_lead_nowhere_are_remarks() {
 }
 
 #[test]
-fn sections_have_the_places_between_their_ends() {
+fn waypoints_belong_to_the_section_between_whose_ends_they_lie() {
     let section = |s: f64| {
         format!(
             r#"<laneSection s="{s}"><center><lane id="0" type="none"/></center><right>
@@ -163,7 +163,7 @@ fn an_arc_is_followed() {
         r#"<geometry s="0" x="0" y="0" hdg="0" length="40"><arc curvature="0.02"/></geometry>"#;
     let network = parse(&road_of(plan)).expect("a network");
     for at in network.waypoints(7.0).iter().filter(|at| network.lanes()[at.lane].id == -1) {
-        // The right lane's middle is 1.75 m outside a circle of 50 m round (0, 50).
+        // The middle of the right lane is 1.75 m outside a circle of 50 m about (0, 50).
         let [x, y, _] = at.at;
         let radius = (x * x + (y - 50.0) * (y - 50.0)).sqrt();
         assert!((radius - 51.75).abs() < 1e-3, "{at:?}");
@@ -172,7 +172,7 @@ fn an_arc_is_followed() {
 }
 
 #[test]
-fn what_is_broken_is_refused_by_name() {
+fn a_broken_network_is_refused_by_road_and_fault() {
     let line = r#"<geometry s="0" x="0" y="0" hdg="0" length="40"><line/></geometry>"#;
     let far = line.replace(r#"x="0""#, r#"x="7e6""#);
     let cases = [
@@ -215,7 +215,7 @@ fn what_is_broken_is_refused_by_name() {
             straight()
                 .replace("length=\"40\"", "length=\"1e5\"")
                 .replace("<line/>", "<arc curvature=\"1\"/>"),
-            "road 7: it goes round 15915 times, more than 100",
+            "road 7: it makes 15915 full turns, more than 100",
         ),
         (
             straight()
@@ -300,7 +300,7 @@ fn what_is_broken_is_refused_by_name() {
     ];
     for (text, expected) in cases {
         let said = parse(&text).expect_err(expected);
-        let start = format!("some/town.xodr is no OpenDRIVE road network: {expected}");
+        let start = format!("some/town.xodr is not an OpenDRIVE road network: {expected}");
         assert!(said.starts_with(&start), "{said}\n{start}");
     }
 }
@@ -345,7 +345,7 @@ fn apart_deg(a: f64, b: f64) -> f64 {
 }
 
 #[test]
-fn waypoints_of_carlas_towns_lie_where_carla_has_them() {
+fn waypoints_of_carlas_towns_equal_those_of_carla() {
     let Some(folder) = carla("CARLA's waypoints") else { return };
     for town in TOWNS {
         let network = load_network(&folder.join(format!("{town}.xodr"))).expect(town);
@@ -377,7 +377,7 @@ fn waypoints_of_carlas_towns_lie_where_carla_has_them() {
 }
 
 #[test]
-fn lanes_of_carlas_towns_lead_where_carla_has_them_lead() {
+fn links_of_lanes_of_carlas_towns_equal_those_of_carla() {
     let Some(folder) = carla("CARLA's topology") else { return };
     for town in TOWNS {
         let network = load_network(&folder.join(format!("{town}.xodr"))).expect(town);

@@ -1,33 +1,33 @@
-//! Places on driving lanes, and which lane leads into which, as CARLA's map has them.
+//! Waypoints on driving lanes and links between lanes, as in CARLA's map.
 
 use std::f64::consts::{PI, TAU};
 
 use super::network::{Lane, LaneKind, RoadNetwork};
 
-/// So near to an end of a lane as its first place is, metres: not on the end, which is the next
-/// lane's.
+/// Distance of the first waypoint from the end of a lane, metres: the end itself belongs to the
+/// next lane.
 const INSET_M: f64 = 1e-9;
 
-/// A place in the middle of a driving lane.
+/// Point in the middle of a driving lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Waypoint {
     /// Index into [`RoadNetwork::lanes`].
     pub lane: usize,
-    /// Along the road's reference line, metres.
+    /// Distance along the reference line of the road, metres.
     pub s_m: f64,
-    /// Metres, right-handed.
+    /// Position, metres, right-handed.
     pub at: [f64; 3],
-    /// The way traffic goes, radians counter-clockwise from x, from 0 to 2π.
+    /// Heading of the traffic, radians counter-clockwise from x, 0 to 2π.
     pub heading_rad: f64,
-    /// Rise on that way, metres a metre.
+    /// Rise along that heading, metres per metre.
     pub rise: f64,
-    /// Of the lane, metres.
+    /// Width of the lane, metres.
     pub width_m: f64,
 }
 
 impl RoadNetwork {
-    /// The middle of every driving lane, every `step_m` metres of its road's reference line from
-    /// the road's beginning: CARLA's `generate_waypoints`.
+    /// Waypoints of every driving lane, every `step_m` metres of reference line from the start of
+    /// the road: CARLA's `generate_waypoints`.
     #[must_use]
     pub fn waypoints(&self, step_m: f64) -> Vec<Waypoint> {
         let indices = 0..self.lanes().len();
@@ -39,7 +39,7 @@ impl RoadNetwork {
         let lane = &self.lanes()[index];
         let profile = &self.profiles[lane.profile];
         let step_m = step_m.max(0.01);
-        // A section's places are among these; which, the last bit of each decides.
+        // Candidates around the section; the exact s decides which lie in it.
         let [first, last] = lane.span_m;
         let first = if lane.section == 0 { 0.0 } else { first };
         let near = (first / step_m - 1.0) as usize..(last / step_m + 2.0) as usize;
@@ -49,7 +49,7 @@ impl RoadNetwork {
             .collect()
     }
 
-    /// The middle of a lane at `s`; none beyond its ends.
+    /// Waypoint of a lane at `s`; `None` beyond its ends.
     #[must_use]
     pub fn waypoint(&self, index: usize, s: f64) -> Option<Waypoint> {
         let lane = self.lanes().get(index)?;
@@ -66,14 +66,14 @@ impl RoadNetwork {
         })
     }
 
-    /// Where traffic enters a lane.
+    /// Waypoint at which traffic enters a lane.
     #[must_use]
     pub fn entry(&self, index: usize) -> Option<Waypoint> {
         let lane = self.lanes().get(index)?;
         self.waypoint(index, entry_s(lane))
     }
 
-    /// The entries of every driving lane and of each lane that it leads into, in pairs: CARLA's
+    /// Pairs of entries: of every driving lane, and of each lane that it leads into. CARLA's
     /// `get_topology`.
     #[must_use]
     pub fn topology(&self) -> Vec<[Waypoint; 2]> {
@@ -85,7 +85,7 @@ impl RoadNetwork {
     }
 }
 
-/// Right lanes are entered at their road's beginning.
+/// s at which traffic enters a lane: the start of the road for right lanes, its end for left ones.
 fn entry_s(lane: &Lane) -> f64 {
     let [first, last] = lane.span_m;
     if lane.id < 0 { first + INSET_M.min(last - first) } else { (last - INSET_M).max(first) }

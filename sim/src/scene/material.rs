@@ -1,10 +1,10 @@
-//! What surfaces send back at 905 nm.
+//! Reflectance of surfaces at 905 nm.
 //!
 //! Diffuse reflectances are medians of measured samples: KLUM (Ilehag et al. 2019, facades and
-//! roofs), SLUM (LUMA, Kotthaus et al. 2014), earthlib 1.1 (plants, soils, roads). Where no
-//! trustworthy value exists the row says so.
+//! roofs), SLUM (LUMA, Kotthaus et al. 2014), earthlib 1.1 (plants, soils, roads). A row without a
+//! trustworthy source says so.
 
-/// A surface: Lambert's law plus, for smooth ones, a mirror lobe.
+/// Reflectance of a surface: Lambert's law, with a mirror lobe for smooth ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Name, lower case.
@@ -26,7 +26,7 @@ impl Material {
         Self { specular_f0, roughness, ..self }
     }
 
-    /// The ρ of `ρ cosθ / π` for light that goes back where it came from.
+    /// ρ of `ρ cosθ / π` for light that returns to its source.
     ///
     /// ```text
     /// ρ(θ) = ρ_d + π · F0 · D(θ) · G(θ) / (4 cos²θ),   D = α² / (π (cos²θ (α² − 1) + 1)²)
@@ -60,7 +60,7 @@ macro_rules! surfaces {
     };
 }
 
-// Beside each row: low / median / high of the samples, or where its one value comes from.
+// Each row states low / median / high of its samples, or the source of its single value.
 surfaces! {
     Asphalt = Material::matt("asphalt", 0.168);                    // .073 / .168 / .305
     // earthlib sidewalk, median of 60
@@ -89,11 +89,11 @@ surfaces! {
     // No trustworthy value: black car, ours
     DarkPaint = Material::matt("dark paint", 0.06).coated(0.04, 0.1);
     Rubber = Material::matt("rubber", 0.05);                       // ours
-    // ours: upper end of what the sensor is held to
+    // ours: the upper end of the range the sensor must handle
     RetroSign = Material::matt("retro-reflective sign", 50.0);
-    // Imported faces that say nothing
+    // Imported faces without a surface
     Unknown = Material::matt("unknown", 0.30);
-    // Rows are numbered in files of meshes: new ones follow here.
+    // Files of meshes contain the index of a row: new rows are added below.
     // earthlib paint, median of 76
     RoadPaint = Material::matt("road paint", 0.314);               // .137 / .314 / .513
     // earthlib litter, median of 35
@@ -104,13 +104,13 @@ surfaces! {
 }
 
 impl Surface {
-    /// Row of [`MATERIALS`].
+    /// Index of its row in [`MATERIALS`].
     #[must_use]
     pub const fn index(self) -> u8 {
         self as u8
     }
 
-    /// The surface a loosely written name suggests, as in MTL files: "Wall_Brick.001" is brick.
+    /// Surface suggested by a free-form name, as in MTL files: "Wall_Brick.001" is brick.
     #[must_use]
     pub fn from_loose_name(name: &str) -> Option<Self> {
         let name = name.to_ascii_lowercase();
@@ -119,7 +119,7 @@ impl Surface {
     }
 }
 
-/// First match wins: specific words before general ones.
+/// Words of free-form names. The first match wins, so specific words come before general ones.
 const LOOSE_NAMES: &[(&[&str], Surface)] = &[
     (&["retro", "sign"], Surface::RetroSign),
     (&["marking", "road_paint", "roadpaint", "roadline"], Surface::RoadPaint),

@@ -1,6 +1,8 @@
-//! A triangle soup with one material a triangle.
+//! Triangle mesh with one material a triangle.
 
 use thiserror::Error;
+
+use crate::vector::{cross, dot, sub};
 
 /// Triangles in metres, z up, right-handed.
 ///
@@ -18,10 +20,10 @@ pub struct Mesh {
 /// Why a mesh cannot be scanned.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum MeshFault {
-    /// Nothing to hit.
+    /// It has no faces.
     #[error("it has no faces")]
     NoFaces,
-    /// A corner is not a point.
+    /// A vertex is not finite.
     #[error("vertex {vertex} is not finite: ({}, {}, {})", at[0], at[1], at[2])]
     NotFinite {
         /// Index of the vertex, from 0.
@@ -34,9 +36,9 @@ pub enum MeshFault {
     IndexOutOfRange {
         /// Index of the face, from 0.
         face: usize,
-        /// The vertex it names.
+        /// Index of the vertex it names.
         index: i64,
-        /// Vertices there are.
+        /// Number of vertices.
         vertices: usize,
     },
     /// A triangle names a material that does not exist, or not every triangle names one.
@@ -48,19 +50,19 @@ pub enum MeshFault {
     /// Every triangle is a line or a point.
     #[error("all {faces} faces have zero area")]
     NoArea {
-        /// Faces there are.
+        /// Number of faces.
         faces: usize,
     },
-    /// The plane asked for is no ground: too steep, too far, or no numbers.
+    /// The plane given as ground is too steep, too far, or not finite.
     #[error(
-        "its ground z = {}·x + {}·y + {} must rise by 1 m a metre at most and lie within its reach",
+        "its ground z = {}·x + {}·y + {} must rise by at most 1 m per metre and lie within its reach",
         plane[0], plane[1], plane[2]
     )]
     Ground {
         /// Slope along x, slope along y, height at the origin in metres.
         plane: [f64; 3],
     },
-    /// The mesh is larger than a place: wrong unit, or coordinates of another origin.
+    /// The mesh is larger than any place: its unit is wrong, or its origin is far away.
     #[error(
         "it reaches {reach_m} m from its origin, more than {max_m} m: is its unit the metre and \
          its origin near?"
@@ -97,10 +99,8 @@ impl Mesh {
     #[must_use]
     pub fn area_m2(&self, triangle: usize) -> f64 {
         let [a, b, c] = self.corners(triangle).map(|p| p.map(f64::from));
-        let e: [f64; 3] = std::array::from_fn(|i| b[i] - a[i]);
-        let f: [f64; 3] = std::array::from_fn(|i| c[i] - a[i]);
-        let n = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
-        0.5 * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt()
+        let normal = cross(sub(b, a), sub(c, a));
+        0.5 * dot(normal, normal).sqrt()
     }
 
     /// Adds another mesh to this one.
@@ -112,7 +112,7 @@ impl Mesh {
         self.materials.extend_from_slice(&other.materials);
     }
 
-    /// Says whether rays can be cast at this mesh.
+    /// Checks that rays can be cast at this mesh.
     ///
     /// # Errors
     ///

@@ -1,10 +1,10 @@
-//! Places to scan: made from a seed, or imported.
+//! Scenes to scan: generated from a seed, or imported.
 
 mod landscape;
 mod material;
 mod mesh;
 mod mover;
-mod nine;
+mod named_towns;
 mod parts;
 mod semi_structured;
 mod structured;
@@ -20,22 +20,23 @@ use thiserror::Error;
 pub use material::{MATERIALS, Material, Surface};
 pub use mesh::{Mesh, MeshFault};
 pub use mover::{Mover, Placement};
-pub use nine::{Town, TownError, UnknownTown, build_town, load_town};
+pub use named_towns::{Town, TownError, UnknownTown, build_town, load_town};
 
-/// Something to scan, and where to stand in it.
+/// Surfaces to scan, and the places of viewpoints among them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// What to call it in reports, as "structured-7".
+    /// Name in reports, as "structured-7".
     pub name: String,
     /// Its surfaces.
     pub mesh: Mesh,
-    /// What the mesh's material indices mean.
+    /// Materials by the mesh's indices.
     pub materials: Vec<Material>,
-    /// Box in which viewpoints may lie: smallest and largest (x, y), metres.
+    /// Box of the viewpoints: smallest and largest (x, y), metres.
     pub area: ([f32; 2], [f32; 2]),
-    /// Where vehicles may be and the way they look: viewpoints lie there; anywhere, if empty.
+    /// Places on roads with the heading of the traffic: viewpoints lie there, or anywhere if there
+    /// are none.
     pub roads: Vec<Placement>,
-    /// What drives on from one scan to the next.
+    /// Vehicles that move between the scans of a pair.
     pub movers: Vec<Mover>,
 }
 
@@ -54,7 +55,7 @@ impl SceneKind {
     /// All three, in the paper's order.
     pub const ALL: [Self; 3] = [Self::Structured, Self::SemiStructured, Self::Unstructured];
 
-    /// The name on the command line and in reports.
+    /// Name on the command line and in reports.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -71,7 +72,7 @@ impl fmt::Display for SceneKind {
     }
 }
 
-/// Not the name of a [`SceneKind`].
+/// Error of a name that is no [`SceneKind`].
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("unknown kind of scene `{0}`: expected structured, semi-structured or unstructured")]
 pub struct UnknownSceneKind(pub String);
@@ -85,7 +86,7 @@ impl FromStr for SceneKind {
     }
 }
 
-/// Makes the place of this kind and seed: the same bytes on every machine.
+/// Generates the scene of a kind and a seed: the same bytes on every machine.
 #[must_use]
 pub fn generate(kind: SceneKind, seed: u64) -> Scene {
     let (mesh, half_m) = match kind {
@@ -97,14 +98,14 @@ pub fn generate(kind: SceneKind, seed: u64) -> Scene {
 }
 
 impl Scene {
-    /// Surfaces of [`MATERIALS`] without roads, of which none moves.
+    /// Scene with the materials of [`MATERIALS`], without roads and moving vehicles.
     #[must_use]
     pub fn new(name: impl Into<String>, mesh: Mesh, area: ([f32; 2], [f32; 2])) -> Self {
         let (name, materials) = (name.into(), MATERIALS.to_vec());
         Self { name, mesh, materials, area, roads: Vec::new(), movers: Vec::new() }
     }
 
-    /// Its surfaces so many seconds later; none where nothing moves.
+    /// Surfaces some seconds later; `None` when nothing moves.
     #[must_use]
     pub fn mesh_after(&self, seconds: f64) -> Option<Mesh> {
         if self.movers.is_empty() || seconds <= 0.0 {
@@ -143,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn one_seed_gives_one_place_and_another_seed_another() {
+    fn one_seed_gives_one_scene_and_another_seed_another() {
         for kind in SceneKind::ALL {
             assert_eq!(generate(kind, 5), generate(kind, 5));
             assert_ne!(generate(kind, 5).mesh, generate(kind, 6).mesh);
@@ -151,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn places_are_the_same_bytes_on_every_machine_and_in_every_version() {
+    fn scenes_are_the_same_bytes_on_every_machine_and_in_every_version() {
         let found = SceneKind::ALL.map(|kind| fingerprint(&generate(kind, 7).mesh));
         let pinned =
             [2_747_900_346_176_746_774, 2_749_714_668_916_916_956, 6_692_073_433_266_969_364];
@@ -159,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn only_unstructured_places_have_no_walls() {
+    fn only_unstructured_scenes_have_no_walls() {
         let walls = [Surface::Plaster, Surface::Brick, Surface::Glass, Surface::Concrete]
             .map(Surface::index);
         for kind in SceneKind::ALL {
@@ -179,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn the_corners_of_a_vehicle_go_with_it_and_all_others_stay() {
+    fn the_vertices_of_a_vehicle_move_with_it_and_all_others_stay() {
         let at = |x: f64, y: f64, heading_rad| Placement { at: [x, y, 0.5], heading_rad };
         let quarter = std::f64::consts::FRAC_PI_2;
         let way = vec![at(0.0, 0.0, 0.0), at(1.0, 0.0, 0.0), at(2.0, 1.0, quarter)];
@@ -193,7 +194,7 @@ mod tests {
         assert_eq!(scene.mesh_after(0.0), None);
         let later = scene.mesh_after(9.0).expect("it moved");
         assert_eq!((later.vertices[0], later.vertices[2]), ([7.0; 3], [8.0; 3]));
-        // A metre ahead of its middle and half a metre above: the middle has gone to (2, 1).
+        // The vertex is 1 m ahead of the middle and 0.5 m above; the middle has moved to (2, 1).
         let off =
             [2.0, 2.0, 1.0].iter().zip(later.vertices[1]).map(|(a, b): (&f32, f32)| (a - b).abs());
         assert!(off.fold(0.0, f32::max) < 1e-6, "{:?}", later.vertices[1]);

@@ -1,35 +1,35 @@
-//! What is somewhere else in the second scan of a pair.
+//! Vehicles that move between the scans of a pair.
 
 use std::ops::Range;
 
 use super::mesh::Mesh;
+use crate::vector::mix;
 
-/// From place to place of a way, metres.
+/// Distance between the places of a path, metres.
 pub(crate) const STEP_M: f64 = 1.0;
 
-/// A vehicle on its way.
+/// Vehicle that follows a path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mover {
-    /// Its corners in the scene's mesh.
+    /// Its vertices in the mesh of the scene.
     pub vertices: Range<usize>,
-    /// How fast it drives, m/s.
+    /// Speed, m/s.
     pub speed_m_s: f64,
-    /// Where it goes, a place every metre: the first is where the mesh has it. At the last it
-    /// waits.
+    /// Path, one place every metre. The mesh has the vehicle at the first; it stops at the last.
     pub way: Vec<Placement>,
 }
 
-/// Where a vehicle stands.
+/// Position and heading of a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// Below its middle, metres.
+    /// Point on the ground below its middle, metres.
     pub at: [f64; 3],
-    /// The way that it looks, radians counter-clockwise from x.
+    /// Heading, radians counter-clockwise from x.
     pub heading_rad: f64,
 }
 
 impl Mover {
-    /// Where it stands so many seconds later.
+    /// Placement after some seconds; `None` without a path.
     #[must_use]
     pub fn after(&self, seconds: f64) -> Option<Placement> {
         let steps = (self.speed_m_s * seconds / STEP_M).max(0.0);
@@ -38,11 +38,12 @@ impl Mover {
         let (from, to) = (self.way[k], self.way[(k + 1).min(last)]);
         let turn = turned(to.heading_rad - from.heading_rad);
         Some(Placement {
-            at: std::array::from_fn(|i| from.at[i] + part * (to.at[i] - from.at[i])),
+            at: mix(from.at, to.at, part),
             heading_rad: from.heading_rad + part * turn,
         })
     }
 
+    /// Moves its vertices to where they are after some seconds.
     pub(super) fn drive(&self, mesh: &mut Mesh, seconds: f64) {
         let (Some(from), Some(to)) = (self.way.first(), self.after(seconds)) else { return };
         let turn = to.heading_rad - from.heading_rad;
@@ -55,7 +56,7 @@ impl Mover {
     }
 }
 
-/// The same angle between −π and π.
+/// The same angle, from −π to π.
 fn turned(angle_rad: f64) -> f64 {
     libm::atan2(libm::sin(angle_rad), libm::cos(angle_rad))
 }
@@ -65,7 +66,7 @@ mod tests {
     use super::*;
     use std::f64::consts::{FRAC_PI_2, PI};
 
-    /// Ahead for a metre, then round a quarter of a turn, then ahead.
+    /// 1 m straight ahead, then a quarter turn to the left.
     fn mover() -> Mover {
         let at = |x: f64, y: f64, heading_rad| Placement { at: [x, y, 0.5], heading_rad };
         let way = vec![at(0.0, 0.0, 0.0), at(1.0, 0.0, 0.0), at(2.0, 1.0, FRAC_PI_2)];
@@ -73,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn a_vehicle_drives_along_its_way_and_waits_at_its_end() {
+    fn a_vehicle_follows_its_path_and_stops_at_the_end() {
         let mover = mover();
         assert_eq!(mover.after(0.0), mover.way.first().copied());
         assert_eq!(mover.after(0.25).map(|f| f.at), Some([0.5, 0.0, 0.5]));
@@ -83,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_past_half_a_turn_takes_the_short_side() {
+    fn a_heading_across_half_a_turn_takes_the_short_way() {
         let way = [3.1, -3.1].map(|heading_rad| Placement { at: [0.0; 3], heading_rad });
         let mover = Mover { vertices: 0..0, speed_m_s: 1.0, way: way.to_vec() };
         let half = mover.after(0.5).expect("a place").heading_rad;

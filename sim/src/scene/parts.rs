@@ -1,4 +1,4 @@
-//! Shapes that places are put together from.
+//! Shapes that scenes are built from.
 
 pub(crate) mod building;
 pub(crate) mod dwelling;
@@ -12,6 +12,8 @@ pub(crate) mod vehicle;
 
 use super::material::Surface;
 use super::mesh::Mesh;
+use crate::vector::dot;
+pub(crate) use crate::vector::{cross, sub};
 
 /// A point, metres.
 pub(crate) type Point = [f64; 3];
@@ -20,32 +22,24 @@ pub(crate) fn add(a: Point, b: Point) -> Point {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-pub(crate) fn sub(a: Point, b: Point) -> Point {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
 pub(crate) fn scale(a: Point, s: f64) -> Point {
     a.map(|x| x * s)
 }
 
-pub(crate) fn cross(a: Point, b: Point) -> Point {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// Unit length; x for the zero vector.
+/// Unit vector; the x axis for the zero vector.
 pub(crate) fn unit(a: Point) -> Point {
-    let length = (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt();
+    let length = dot(a, a).sqrt();
     if length > 0.0 { scale(a, 1.0 / length) } else { [1.0, 0.0, 0.0] }
 }
 
-/// Two unit vectors square to `axis` and to each other.
+/// Two unit vectors perpendicular to `axis` and to each other.
 pub(crate) fn square_to(axis: Point) -> (Point, Point) {
     let helper = if axis[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
     let u = unit(cross(axis, helper));
     (u, cross(unit(axis), u))
 }
 
-/// Where a part stands and which way it faces: `world_from_part`, turned about z only.
+/// Pose of a part: `world_from_part`, turned about z only.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
     origin: Point,
@@ -68,7 +62,7 @@ impl Frame {
         ]
     }
 
-    /// A frame given in this one.
+    /// Frame given relative to this one.
     pub(crate) fn child(&self, origin: Point, yaw_rad: f64) -> Self {
         let turn = Self::new(self.at(origin), yaw_rad);
         let cos = self.cos * turn.cos - self.sin * turn.sin;
@@ -77,10 +71,10 @@ impl Frame {
     }
 }
 
-/// An end of a round bar: its middle, and its radius in metres.
+/// End of a round bar: its centre, and its radius in metres.
 pub(crate) type End = (Point, f64);
 
-/// Gathers triangles.
+/// Builder of a mesh.
 #[derive(Debug, Default)]
 pub(crate) struct Builder {
     mesh: Mesh,
@@ -91,12 +85,12 @@ impl Builder {
         self.mesh
     }
 
-    /// Triangles so far.
+    /// Number of triangles so far.
     pub(crate) fn triangles(&self) -> usize {
         self.mesh.triangles.len()
     }
 
-    /// Corners so far.
+    /// Number of vertices so far.
     pub(crate) fn vertices(&self) -> usize {
         self.mesh.vertices.len()
     }
@@ -106,7 +100,7 @@ impl Builder {
         self.mesh.vertices.len() as u32 - 1
     }
 
-    /// Skips faces that a pole or a seam has collapsed to a line.
+    /// Adds a face; skips one that a pole or a seam has collapsed to a line.
     fn face(&mut self, corners: [u32; 3], surface: Surface) {
         let [a, b, c] = corners.map(|i| self.mesh.vertices[i as usize]);
         if a == b || b == c || c == a {
@@ -121,14 +115,14 @@ impl Builder {
         self.face(corners, surface);
     }
 
-    /// A flat quadrilateral; corners in order round it.
+    /// Quadrilateral with its corners in order.
     pub(crate) fn quad(&mut self, corners: [Point; 4], surface: Surface) {
         let [a, b, c, d] = corners.map(|p| self.vertex(p));
         self.face([a, b, c], surface);
         self.face([a, c, d], surface);
     }
 
-    /// A sheet of `columns` × `rows` cells whose corners `point(column, row)` are shared.
+    /// Sheet of `columns` × `rows` cells whose corners `point(column, row)` are shared.
     pub(crate) fn sheet(
         &mut self,
         columns: usize,
@@ -153,7 +147,7 @@ impl Builder {
         }
     }
 
-    /// A closed box between two corners of the frame.
+    /// Closed box between two corners in the frame.
     pub(crate) fn cuboid(&mut self, frame: &Frame, low: Point, high: Point, surface: Surface) {
         let corner: [u32; 8] = std::array::from_fn(|i| {
             let side = |axis: usize| {
@@ -169,7 +163,7 @@ impl Builder {
         }
     }
 
-    /// A round bar with closed ends.
+    /// Round bar with closed ends.
     pub(crate) fn tube(
         &mut self,
         (a, radius_a): End,
@@ -186,7 +180,7 @@ impl Builder {
         }
     }
 
-    /// A round bar without ends; returns its first vertex, from which those of `a` and `b`
+    /// Round bar without ends; returns its first vertex, from which the vertices of `a` and `b`
     /// alternate.
     pub(crate) fn branch(
         &mut self,
@@ -211,7 +205,7 @@ impl Builder {
         base
     }
 
-    /// A lens-shaped leaf: a rhombus `length_m` long.
+    /// Leaf: a rhombus `length_m` long.
     pub(crate) fn leaf(
         &mut self,
         centre: Point,

@@ -15,7 +15,7 @@ use echoloop_random::Generator;
 
 /// Half the side of the suburb, metres.
 const HALF_M: f64 = 80.0;
-/// Viewpoints keep this far from its edge, metres.
+/// Distance of viewpoints from the edge, metres.
 const RIM_M: f64 = 12.0;
 /// Half the width of a lane, metres.
 const LANE_M: f64 = 3.0;
@@ -23,15 +23,15 @@ const LANE_M: f64 = 3.0;
 struct Suburb {
     relief: Noise,
     slope: [f64; 2],
-    /// Lanes that run along x, by their y; they swing from side to side.
+    /// Mean y of the lanes along x, which curve from side to side.
     lanes: Vec<f64>,
     swing: f64,
     phase: f64,
-    /// The lane across, by its x.
+    /// x of the lane across.
     cross_x: f64,
 }
 
-/// A plot of land: which side of which lane, the middle of its front along the lane, its width.
+/// Plot of land: its lane and the side of it, the middle of its front along the lane, its width.
 struct Plot {
     lane: usize,
     /// −1 or 1.
@@ -78,7 +78,7 @@ impl Suburb {
         [x, y, self.height(x, y)]
     }
 
-    /// Where the middle of a lane lies at `x`.
+    /// y of the middle of a lane at `x`.
     fn lane_y(&self, lane: usize, x: f64) -> f64 {
         self.lanes[lane] + self.swing * libm::sin(0.035 * x + self.phase)
     }
@@ -97,7 +97,7 @@ impl Suburb {
         }
     }
 
-    /// Plots along one side of a lane.
+    /// Builds the plots along one side of a lane.
     fn plots(&self, b: &mut Builder, lane: usize, side: f64, rng: &mut Generator) {
         let mut x = -HALF_M + 2.0;
         while x < HALF_M - 18.0 {
@@ -110,7 +110,8 @@ impl Suburb {
         }
     }
 
-    /// One plot. Its frame: x along the lane, y away from it, origin in the middle of its front.
+    /// Builds one plot, in a frame with x along the lane, y away from it, and its origin in the
+    /// middle of the front.
     fn plot(&self, b: &mut Builder, plot: &Plot, rng: &mut Generator) {
         let Plot { lane, side, middle, width } = *plot;
         let front = self.lane_y(lane, middle) + side * (LANE_M + 2.2 + 0.1 * self.swing);
@@ -136,7 +137,7 @@ impl Suburb {
         self.front_garden(b, &plot, width, rng);
     }
 
-    /// Between the house and the lane: a tree, perhaps, and two bushes.
+    /// Plants the front garden: two bushes and sometimes a tree.
     fn front_garden(&self, b: &mut Builder, plot: &Frame, width: f64, rng: &mut Generator) {
         if rng.chance(0.6) {
             let at = plot.at([rng.range(1.0, 0.5 * width - 2.0), rng.range(1.5, 3.0), 0.0]);
@@ -148,7 +149,7 @@ impl Suburb {
         }
     }
 
-    /// Hedge or fence: along the front beside the drive, down one side, along the back.
+    /// Builds a hedge or a fence on three borders: the front beside the drive, one side, the back.
     fn borders(&self, b: &mut Builder, plot: &Frame, width: f64, depth: f64, rng: &mut Generator) {
         let half = 0.5 * width;
         let lines = [
@@ -171,7 +172,7 @@ impl Suburb {
         }
     }
 
-    /// Two-metre pieces, so that the hedge follows the slope.
+    /// Builds a hedge in pieces of 2 m, which follow the slope.
     fn hedge(&self, b: &mut Builder, line: &Frame, length: f64, height: f64, rng: &mut Generator) {
         let pieces = (length / 2.0).ceil() as usize;
         let step = length / pieces as f64;
@@ -183,7 +184,7 @@ impl Suburb {
         }
     }
 
-    /// Trees, bushes, a bench, a boulder behind the house.
+    /// Plants trees and bushes behind the house; places a bench and a boulder.
     fn garden(&self, b: &mut Builder, plot: &Frame, width: f64, y: [f64; 2], rng: &mut Generator) {
         let spot = |rng: &mut Generator| {
             let p = plot.at([rng.spread(0.5 * width - 2.0), rng.range(y[0], y[1]), 0.0]);
@@ -218,7 +219,7 @@ impl Suburb {
         }
     }
 
-    /// The strip of trees and bushes between the gardens of two lanes.
+    /// Plants the strip between the gardens of two lanes.
     fn commons(&self, b: &mut Builder, rng: &mut Generator) {
         for k in 0..40 {
             let x = -HALF_M + 4.0 * (f64::from(k) + rng.unit());

@@ -1,27 +1,27 @@
 //! A town: a grid of streets between blocks of terraced houses.
 
 mod kerb;
-mod town;
+mod street_grid;
 
 use super::mesh::Mesh;
 use super::parts::Builder;
 use echoloop_random::Generator;
 use kerb::Kerb;
-use town::{HALF_M, Town};
+use street_grid::{HALF_M, StreetGrid};
 
-/// Viewpoints keep this far from its edge, metres.
+/// Distance of viewpoints from the edge, metres.
 const RIM_M: f64 = 10.0;
 
 pub(crate) fn generate(seed: u64) -> (Mesh, f32) {
     let mut rng = Generator::new(seed, 1);
-    let town = Town::new(seed, &mut rng);
+    let grid = StreetGrid::new(seed, &mut rng);
     let mut b = Builder::default();
-    town.ground(&mut b);
-    town.blocks(&mut b, &mut rng);
+    grid.ground(&mut b);
+    grid.blocks(&mut b, &mut rng);
     for axis in [0, 1] {
-        for street in &town.streets[axis] {
+        for street in &grid.streets[axis] {
             for side in [-1.0, 1.0] {
-                let kerb = Kerb::new(&town, axis, street, side);
+                let kerb = Kerb::new(&grid, axis, street, side);
                 kerb.park(&mut b, &mut rng);
                 kerb.furnish(&mut b, &mut rng);
             }

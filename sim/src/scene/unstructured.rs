@@ -11,13 +11,13 @@ use echoloop_random::Generator;
 
 /// Half the side of the patch, metres.
 const HALF_M: f64 = 85.0;
-/// Viewpoints keep this far from its edge, metres.
+/// Distance of viewpoints from the edge, metres.
 const RIM_M: f64 = 20.0;
 
 struct Country {
     hills: Noise,
     rough: Noise,
-    /// Where the woods are: trees stand where this is high.
+    /// Density of the woods: trees stand where it is high.
     woods: Noise,
     relief_m: f64,
     conifers: f64,
@@ -84,7 +84,7 @@ impl Country {
         }
     }
 
-    /// Stumps and trunks that lie on the ground.
+    /// Places stumps and fallen trunks.
     fn fallen(&self, b: &mut Builder, rng: &mut Generator) {
         for _ in 0..25 {
             let foot = self.point(rng.spread(HALF_M), rng.spread(HALF_M));
@@ -108,7 +108,7 @@ impl Country {
             bush(b, foot, [rng.range(0.4, 1.3), rng.range(0.5, 1.9)], 260, rng);
         }
         for _ in 0..130 {
-            // Many small ones, few boulders.
+            // Many small rocks, few boulders.
             let size = rng.unit();
             let radius = 0.2 + 1.6 * size * size * size;
             rock(b, add(spot(rng), [0.0, 0.0, 0.25 * radius]), radius, rng);

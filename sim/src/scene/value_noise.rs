@@ -1,8 +1,11 @@
-//! Smooth noise over the plane.
+//! Value noise over the plane.
+//!
+//! Written here instead of by a crate, because the pinned bytes of the scenes depend on every bit
+//! of it.
 
 use echoloop_random::mix_64;
 
-/// Smooth noise over the plane: value noise, summed over octaves that halve in size and height.
+/// Value noise over the plane, summed over octaves that halve in size and height.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Noise {
     pub(crate) seed: u64,
@@ -12,7 +15,7 @@ pub(crate) struct Noise {
 }
 
 impl Noise {
-    /// About −1 to 1.
+    /// Value at a point, about −1 to 1.
     pub(crate) fn at(&self, x: f64, y: f64) -> f64 {
         let (mut x, mut y) = (x / self.scale_m, y / self.scale_m);
         let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);
@@ -36,7 +39,7 @@ fn value_noise(seed: u64, x: f64, y: f64) -> f64 {
     low * (1.0 - v) + high * v
 }
 
-/// 0 below `from`, 1 above `to`, smooth between.
+/// Smoothstep: 0 below `from`, 1 above `to`.
 pub(crate) fn ramp(x: f64, from: f64, to: f64) -> f64 {
     let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
@@ -46,7 +49,7 @@ fn ease(t: f64) -> f64 {
     t * t * t * (t * (6.0 * t - 15.0) + 10.0)
 }
 
-/// A number in [-1, 1) that depends on nothing but its arguments (SplitMix64's finalizer).
+/// Hash of the arguments in [-1, 1) (finalizer of SplitMix64).
 fn lattice(seed: u64, i: i64, j: i64) -> f64 {
     let spread = seed
         .wrapping_add((i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15))

@@ -1,4 +1,4 @@
-//! Which points of a place are ground: not a roof, a car, a canopy, a slope.
+//! Ground of a place: neither roof, car, canopy nor slope.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -8,24 +8,23 @@ use crate::scene::Scene;
 
 /// Distance between survey points, metres.
 const STEP_M: f64 = 2.0;
-/// How far around a point lower ground is looked for, metres: half the width of a large roof.
+/// Radius in which lower ground is searched, metres: half the width of a large roof.
 pub(super) const REACH_M: f64 = 24.0;
-/// Ground may rise this much a metre.
+/// Largest slope of ground, metres per metre.
 const MAX_SLOPE: f64 = 0.35;
-/// And stands this much above what lies beside it, metres: kerbs, tufts.
+/// Largest step of ground, metres: kerbs, tufts.
 const ROUGH_M: f64 = 0.35;
 
-/// Heights of whatever the sky sees, on a grid round the viewpoints' area. Each is looked up when
-/// somebody first asks for it: a place of 10 km has 25 million, a few thousand of them round
-/// its viewpoints.
+/// Heights of the top surface on a grid around the area of the viewpoints. Each is computed on
+/// first use: a place of 10 km has 25 million, of which a few thousand lie around its viewpoints.
 ///
-/// A point is ground when no neighbour lies below the cone that falls away from it with the
-/// steepest slope: the slope-based filter of airborne LiDAR (Vosselman 2000).
+/// A point is ground when no neighbour lies below the cone that falls away from it with the largest
+/// slope: the slope-based filter of airborne LiDAR (Vosselman 2000).
 pub(super) struct GroundMap {
     low: [f64; 2],
     size: [usize; 2],
     heights: RefCell<HashMap<usize, Option<f64>>>,
-    /// Above and below everything, metres.
+    /// Heights above and below all surfaces, metres.
     sky_m: f32,
     pub(super) depth_m: f32,
 }
@@ -41,26 +40,27 @@ impl GroundMap {
         Self { low, size, heights: RefCell::default(), sky_m, depth_m }
     }
 
-    /// Height of the ground at a point where one can stand, metres.
+    /// Height of open ground at a point where a sensor can stand, metres.
     pub(super) fn footing(&self, caster: &Raycaster, at: [f64; 2]) -> Option<f64> {
         let z = self.seen_from_above(caster, at)?;
         (is_level(|at| self.seen_from_above(caster, at), at, z) && self.is_lowest(caster, at, z))
             .then_some(z)
     }
 
-    /// Height of the first surface below the sky, metres.
+    /// Height of the top surface, metres.
     pub(super) fn seen_from_above(&self, caster: &Raycaster, at: [f64; 2]) -> Option<f64> {
         let hit = caster.cast([at[0] as f32, at[1] as f32, self.sky_m], [0.0, 0.0, -1.0])?;
         Some(f64::from(self.sky_m - hit.range_m))
     }
 
-    /// Height at a point of the grid, metres.
+    /// Height of the top surface at a grid point, metres.
     fn height(&self, caster: &Raycaster, [i, j]: [usize; 2]) -> Option<f64> {
         let at = [self.low[0] + STEP_M * i as f64, self.low[1] + STEP_M * j as f64];
         let mut heights = self.heights.borrow_mut();
         *heights.entry(j * self.size[0] + i).or_insert_with(|| self.seen_from_above(caster, at))
     }
 
+    /// True when no grid point within [`REACH_M`] lies below the cone.
     fn is_lowest(&self, caster: &Raycaster, at: [f64; 2], z: f64) -> bool {
         let range = |axis: usize| {
             let middle = (at[axis] - self.low[axis]) / STEP_M;
@@ -80,13 +80,13 @@ impl GroundMap {
     }
 }
 
-/// How much lower ground may be at a distance, metres.
+/// Largest fall of ground over a distance, metres.
 pub(super) fn most_fall_m(away_m: f64) -> f64 {
     ROUGH_M + MAX_SLOPE * away_m
 }
 
-/// Whether a surface, of which `height` tells the height, is hardly higher or lower half a metre
-/// beside a point at `z`.
+/// True when a surface with the heights `height` differs little half a metre beside a point at
+/// height `z`.
 pub(super) fn is_level(height: impl Fn([f64; 2]) -> Option<f64>, at: [f64; 2], z: f64) -> bool {
     [[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]].iter().all(|d| {
         let beside = height([at[0] + d[0], at[1] + d[1]]);
@@ -99,7 +99,7 @@ mod tests {
     use super::*;
     use crate::scene::Mesh;
 
-    /// Flat ground of 10 km a side, in two triangles.
+    /// Flat ground with a side of 10 km, in two triangles.
     fn plain() -> Scene {
         let half_m = 5000.0;
         let corner = |x: f32, y: f32| [x * half_m, y * half_m, 0.0];
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn of_ten_kilometres_only_what_lies_round_a_viewpoint_is_looked_up() {
+    fn in_a_place_of_10_km_only_heights_around_a_viewpoint_are_computed() {
         let scene = plain();
         let caster = Raycaster::from_mesh(&scene.mesh);
         let ground = GroundMap::new(&scene);

@@ -1,43 +1,45 @@
-//! How much of what one sensor of a pair sees the other sees, too.
+//! Overlap of a pair: the share of the surfaces seen by one sensor that the other sees, too.
 
 use nalgebra::{Isometry3, Vector3};
 
 use super::PosePair;
-use crate::raycast::{Raycaster, difference, dot};
+use crate::raycast::Raycaster;
+use crate::vector::{dot, sub};
 
-/// Beams that are looked along: enough for a share within 2 %.
-const MOST_BEAMS: usize = 1000;
-/// Width of a sector of the field.
+/// Beams that are traced at most: enough for a share within 2 %.
+const MAX_BEAMS: usize = 1000;
+/// Width of an azimuth sector of the field of view.
 const SECTOR_DEG: f64 = 3.0;
-/// So many sectors without a beam, between such that have one, are a gap of a coarse pattern.
-const MOST_GAP: usize = 3;
-/// The outermost beams have a width.
+/// Largest number of adjacent sectors without a beam that count as a gap of a coarse pattern.
+const MAX_GAP: usize = 3;
+/// Width by which the outermost beams extend the field of view.
 const EDGE_DEG: f64 = 0.1;
-/// What lies so much before a point hides it, metres and share of the range: a surface does not
-/// hide itself.
+/// Distance in front of a point at which a surface hides it, metres and share of the range: a
+/// surface does not hide itself.
 const BEFORE_M: f32 = 0.05;
 const BEFORE_SHARE: f32 = 0.01;
 
-/// What a scanner can see of a place.
+/// Visibility of a place for a scanner.
 pub struct Sight<'a> {
     caster: &'a Raycaster,
-    /// Unit vectors, sensor frame; some of the scanner's.
+    /// Unit vectors in the sensor frame: a subset of the beams of the scanner.
     beams: Vec<[f32; 3]>,
     field: Field,
 }
 
 impl<'a> Sight<'a> {
-    /// Of a scanner whose beams point along `directions`: unit vectors, x forward, y left, z up.
+    /// Visibility for a scanner with beams along `directions`: unit vectors, x forward, y left, z
+    /// up.
     #[must_use]
     pub fn new(caster: &'a Raycaster, directions: &[[f32; 3]]) -> Self {
-        let step = directions.len().div_ceil(MOST_BEAMS).max(1);
+        let step = directions.len().div_ceil(MAX_BEAMS).max(1);
         let beams = directions.iter().step_by(step).copied().collect();
         Self { caster, beams, field: Field::new(directions) }
     }
 
-    /// The share of what either sensor sees that the other sees, too, 0 to 1: it lies in its field,
-    /// and nothing is before it. Of points of the scene, so it does not hang on how densely either
-    /// scans.
+    /// Share of the points seen by either sensor that the other sees, too, 0 to 1: points in its
+    /// field of view with nothing in front. Points of the scene count, so it does not depend on the
+    /// density of the scans.
     #[must_use]
     pub fn overlap(&self, pair: &PosePair) -> f64 {
         let PosePair { world_from_first, world_from_second } = pair;
@@ -47,7 +49,8 @@ impl<'a> Sight<'a> {
         (forth.0 + back.0) as f64 / seen.max(1) as f64
     }
 
-    /// How many points that a sensor sees another sees, too, and how many it sees.
+    /// Number of points seen from one pose that are visible from another, and number of points
+    /// seen.
     fn shared(&self, from: &Isometry3<f64>, to: &Isometry3<f64>) -> (usize, usize) {
         let points = self.beams.iter().filter_map(|beam| self.seen_along(from, beam));
         points.fold((0, 0), |(shared, seen), point| {
@@ -55,7 +58,7 @@ impl<'a> Sight<'a> {
         })
     }
 
-    /// The first surface along a beam.
+    /// First surface point along a beam.
     fn seen_along(&self, from: &Isometry3<f64>, beam: &[f32; 3]) -> Option<[f32; 3]> {
         let origin: [f32; 3] = from.translation.vector.cast::<f32>().into();
         let way = (from.rotation * Vector3::from(beam.map(f64::from))).cast::<f32>();
@@ -65,7 +68,7 @@ impl<'a> Sight<'a> {
 
     fn sees(&self, world_from_sensor: &Isometry3<f64>, point: [f32; 3]) -> bool {
         let eye: [f32; 3] = world_from_sensor.translation.vector.cast::<f32>().into();
-        let way = difference(point, eye);
+        let way = sub(point, eye);
         let range_m = dot(way, way).sqrt();
         let before_m = range_m - BEFORE_M - BEFORE_SHARE * range_m;
         if before_m <= 0.0 {
@@ -77,8 +80,8 @@ impl<'a> Sight<'a> {
     }
 }
 
-/// From where to where beams point up and down in each sector of the azimuth, degrees; turned round
-/// where none does.
+/// Field of view: lowest and highest elevation of the beams in each azimuth sector, degrees;
+/// reversed where there is none.
 struct Field {
     sectors: Vec<[f64; 2]>,
 }
@@ -93,7 +96,7 @@ impl Field {
             let [low, high] = &mut sectors[sector];
             (*low, *high) = (low.min(elevation_deg), high.max(elevation_deg));
         }
-        let found = |from: usize, steps: [usize; MOST_GAP]| {
+        let found = |from: usize, steps: [usize; MAX_GAP]| {
             let beside = steps.map(|step| sectors[(from + step) % SECTORS]);
             beside.into_iter().find(|[low, high]| low <= high)
         };
@@ -117,7 +120,7 @@ impl Field {
     }
 }
 
-/// The sector of a direction, and its elevation, degrees.
+/// Azimuth sector of a direction, and its elevation, degrees.
 fn polar(direction: &Vector3<f64>) -> (usize, f64) {
     let azimuth_deg = libm::atan2(direction.y, direction.x).to_degrees();
     let sector = ((azimuth_deg + 180.0) / SECTOR_DEG) as usize;
@@ -130,7 +133,7 @@ mod tests {
     use crate::scene::Mesh;
     use nalgebra::{Translation3, UnitQuaternion};
 
-    /// Squares at x = `at.0`, from y = `at.1` to `at.2`, 40 m high.
+    /// Walls at x = `at.0`, from y = `at.1` to `at.2`, 40 m high.
     fn walls(list: &[(f32, f32, f32)]) -> Raycaster {
         let mut mesh = Mesh::default();
         for &(x, left, right) in list {
@@ -143,7 +146,7 @@ mod tests {
         Raycaster::from_mesh(&mesh)
     }
 
-    /// Ahead and to both sides by 60°, level and a little up and down.
+    /// Beams within 60° to both sides, level and slightly up and down.
     fn fan() -> Vec<[f32; 3]> {
         let ray = |k: i32| {
             let (turn, rise) = (f64::from(k % 121 - 60), f64::from(k / 121 - 2));
@@ -163,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn from_one_place_with_one_heading_everything_is_shared_and_with_opposite_ones_nothing() {
+    fn equal_poses_share_everything_and_opposite_headings_nothing() {
         let caster = walls(&[(20.0, -90.0, 90.0), (-20.0, -90.0, 90.0)]);
         let sight = Sight::new(&caster, &fan());
         assert_eq!(sight.overlap(&pair([0.0; 3], [0.0; 3], 0.0)), 1.0);
@@ -171,8 +174,8 @@ mod tests {
     }
 
     #[test]
-    fn turned_by_half_the_field_half_is_shared() {
-        // A ring of walls: every beam meets one.
+    fn a_turn_by_half_the_field_of_view_shares_half() {
+        // Walls all round: every beam hits one.
         let caster = walls(&[(20.0, -900.0, 900.0), (-20.0, -900.0, 900.0)]);
         let sight = Sight::new(&caster, &fan());
         let shared = sight.overlap(&pair([0.0; 3], [0.0; 3], 60.0));
@@ -180,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn between_the_columns_of_a_coarse_pattern_is_field_and_beside_the_outermost_is_none() {
+    fn gaps_between_columns_of_a_coarse_pattern_belong_to_the_field_and_its_outside_does_not() {
         let column = |turn_deg: f64| {
             let turn = turn_deg.to_radians();
             let row = |rise: f64| [libm::cos(turn), libm::sin(turn), rise].map(|x| x as f32);
@@ -197,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_between_hides_what_lies_behind() {
+    fn a_wall_in_between_hides_the_surfaces_behind_it() {
         let open = [(30.0, -90.0, 90.0)];
         let screened = [(30.0, -90.0, 90.0), (10.0, 4.0, 90.0)];
         let [open, screened] = [&open[..], &screened[..]].map(|walls_at| {
@@ -209,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_in_which_nothing_is_seen_shares_nothing() {
+    fn a_place_without_surfaces_shares_nothing() {
         let caster = Raycaster::from_mesh(&Mesh::default());
         assert_eq!(Sight::new(&caster, &fan()).overlap(&pair([0.0; 3], [0.0; 3], 0.0)), 0.0);
         assert_eq!(Sight::new(&caster, &[]).overlap(&pair([0.0; 3], [0.0; 3], 0.0)), 0.0);

@@ -1,14 +1,14 @@
-//! Training and test viewpoints stand in different parts of a place.
+//! Split of a place into parts for training and for test viewpoints.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// Which viewpoints.
+/// Part of the viewpoints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Split {
-    /// Those the optimiser sees: a quarter of the place.
+    /// Viewpoints of the optimiser: a quarter of the place.
     Train = 0,
-    /// Those it is judged by: the rest.
+    /// Viewpoints of the test: the rest.
     Test = 1,
 }
 
@@ -33,9 +33,10 @@ impl FromStr for Split {
     }
 }
 
-/// Square cells; in every row of cells one in four trains, in a different column from row to row.
+/// Square cells: one in four of every row is for training, in a column that changes from row to
+/// row.
 ///
-/// Both splits keep half the gap from the cells' common borders, so any training viewpoint is at
+/// Both splits keep half the gap from the borders of the cells, so any training viewpoint is at
 /// least [`Territory::gap_m`] from any test viewpoint.
 pub(super) struct Territory {
     low: [f64; 2],
@@ -51,14 +52,14 @@ impl Territory {
         Self { low: low.map(f64::from), cell_m, gap_m: (0.4 * cell_m).min(10.0), split }
     }
 
-    /// Least distance between viewpoints of different splits: 10 m, less where the place is under
-    /// 100 m wide.
+    /// Least distance between viewpoints of different splits: 10 m, or less in a place under 100 m
+    /// wide.
     #[cfg(test)]
     pub(super) fn gap_m(&self) -> f64 {
         self.gap_m
     }
 
-    /// True when this split may stand here: nothing within half a gap belongs to the other.
+    /// True when this split may use a point: nothing within half a gap belongs to the other.
     pub(super) fn owns(&self, at: [f64; 2]) -> bool {
         let half = 0.5 * self.gap_m;
         let corners = [-half, half].map(|dx| [-half, half].map(|dy| [at[0] + dx, at[1] + dy]));

@@ -35,7 +35,7 @@ fn viewpoints_of_every_kind_stand_two_metres_above_open_ground() {
 }
 
 #[test]
-fn with_a_factor_baselines_lie_between_once_and_so_many_times_as_much() {
+fn with_a_factor_baselines_lie_between_one_and_the_factor_times_the_least() {
     let scene = generate(SceneKind::Structured, 3);
     let caster = Raycaster::new(&scene);
     let plan = PairPlan { count: 20, baseline_m: 2.0, baseline_factor: 2.0, ..PairPlan::default() };
@@ -47,14 +47,14 @@ fn with_a_factor_baselines_lie_between_once_and_so_many_times_as_much() {
     let all: Vec<f64> = pairs.iter().map(apart).collect();
     assert!(all.iter().all(|distance| (2.0..=4.0).contains(distance)), "{all:?}");
     assert!(all.iter().any(|d| *d < 2.7) && all.iter().any(|d| *d > 3.3), "{all:?}");
-    // The first of them alone, if that is asked.
+    // With `farther`, only the first pairs.
     let few = PairPlan { farther: 5, ..plan };
     let few = sample_pairs(&scene, &caster, &few).expect("viewpoints");
     assert_eq!(few[..5], pairs[..5]);
     assert!(few[5..].iter().map(apart).all(|distance| (distance - 2.0).abs() < 1e-9));
     let nearer = PairPlan { baseline_factor: 0.9, ..plan };
     let error = sample_pairs(&scene, &caster, &nearer).expect_err("below 1");
-    assert_eq!(error.to_string(), "baseline_factor is 0.9, which is no factor of 1 or more");
+    assert_eq!(error.to_string(), "baseline_factor is 0.9, expected a factor of 1 or more");
 }
 
 #[test]
@@ -140,7 +140,7 @@ fn an_empty_plain_has_no_viable_viewpoint_and_says_why() {
     let ViewpointError::NoViewpoint { found: 0, rejected, attempts, .. } = &error else {
         panic!("{error}")
     };
-    assert_eq!(*attempts, heard.get()); // a large place is not silent
+    assert_eq!(*attempts, heard.get());
     assert!(rejected.structure > 0 && rejected.footing == 0);
     assert!(
         error.to_string().starts_with("plain has no viable viewpoint for pair 0 of 10"),
@@ -153,7 +153,7 @@ fn a_senseless_plan_names_its_field() {
     let scene = generate(SceneKind::Structured, 1);
     let plan = PairPlan { baseline_m: f64::NAN, ..PairPlan::default() };
     let error = sample_pairs(&scene, &Raycaster::new(&scene), &plan).expect_err("no baseline");
-    assert_eq!(error.to_string(), "baseline_m is NaN, which is no distance in metres");
+    assert_eq!(error.to_string(), "baseline_m is NaN, expected a distance in metres");
 }
 
 fn mesh_scene(vertices: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Scene {
@@ -162,7 +162,7 @@ fn mesh_scene(vertices: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Scene {
     Scene::new("mesh", mesh, ([-12.0; 2], [12.0; 2]))
 }
 
-/// A square of ± `half` at a height, in steps of a metre.
+/// Square of ± `half` at a height, in cells of a metre.
 fn sheet(half: i32, z: f32) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     let side = 2 * half as u32 + 1;
     let vertices =
@@ -175,7 +175,7 @@ fn sheet(half: i32, z: f32) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     (vertices, cells.flat_map(cell).collect())
 }
 
-/// Both, the second after the first.
+/// Scene of two meshes.
 fn both(
     (mut vertices, mut triangles): (Vec<[f32; 3]>, Vec<[u32; 3]>),
     (more, theirs): (Vec<[f32; 3]>, Vec<[u32; 3]>),
@@ -195,7 +195,7 @@ fn alone_in(scene: &Scene) -> (Standpoint, bool) {
 }
 
 #[test]
-fn where_there_is_nothing_to_see_one_sensor_stands_on_open_ground() {
+fn a_single_sensor_stands_on_open_ground_without_structure_in_view() {
     let (vertices, triangles) = sheet(40, 0.5);
     let (standpoint, aloft) = alone_in(&mesh_scene(vertices, triangles));
     assert_eq!((standpoint.footing, standpoint.sees_enough, aloft), (Footing::Open, false, false));
@@ -203,24 +203,24 @@ fn where_there_is_nothing_to_see_one_sensor_stands_on_open_ground() {
 }
 
 #[test]
-fn below_a_canopy_one_sensor_stands_on_the_ground_and_not_on_the_canopy() {
+fn a_single_sensor_stands_on_the_ground_below_a_canopy_and_not_on_it() {
     let scene = both(sheet(40, 0.0), sheet(40, 4.0));
     let (standpoint, aloft) = alone_in(&scene);
     assert_eq!((standpoint.footing, aloft), (Footing::Covered, false));
     assert!((standpoint.world_from_sensor.translation.vector.z - 2.0).abs() < 1e-6);
     let above = Isometry3::translation(0.3, 0.4, 6.0);
     assert!(stands_aloft(&scene, &Raycaster::new(&scene), &above), "on the canopy");
-    // One so low that nobody stands below it: on it, and said to be.
+    // Under a canopy of 1.5 m no sensor fits: it stands on it, and is reported so.
     let (standpoint, aloft) = alone_in(&both(sheet(40, 0.0), sheet(40, 1.5)));
     assert_eq!((standpoint.footing, aloft), (Footing::Aloft, true));
 }
 
 #[test]
-fn what_stands_on_a_crown_without_ground_around_it_is_told_apart() {
+fn a_sensor_on_a_crown_without_ground_around_it_is_aloft() {
     let (vertices, triangles) = sheet(4, 7.0);
     let (standpoint, aloft) = alone_in(&mesh_scene(vertices, triangles));
     assert_eq!((standpoint.footing, aloft), (Footing::Aloft, true));
-    // A slab is ground: its underside faces down.
+    // A slab is ground, because its underside faces down.
     let (vertices, triangles) = sheet(40, -3.0);
     let under = triangles.into_iter().map(|[a, b, c]| [a, c, b]).collect();
     let slab = both(sheet(40, 0.0), (vertices, under));
@@ -234,7 +234,7 @@ fn what_stands_on_a_crown_without_ground_around_it_is_told_apart() {
 }
 
 #[test]
-fn a_speck_has_no_place_to_stand_and_says_so() {
+fn a_speck_without_room_for_a_sensor_is_refused() {
     let speck = mesh_scene(vec![[0.0; 3], [0.01, 0.0, 0.0], [0.0, 0.01, 0.0]], vec![[0, 1, 2]]);
     let error = stand_alone(&speck, &Raycaster::new(&speck), &PairPlan::default())
         .expect_err("nowhere")
@@ -243,7 +243,7 @@ fn a_speck_has_no_place_to_stand_and_says_so() {
 }
 
 #[test]
-fn where_there_are_roads_sensors_stand_on_them_and_look_along_them() {
+fn sensors_stand_on_roads_where_there_are_some_and_face_along_them() {
     let mut scene = generate(SceneKind::Unstructured, 3);
     let line = |k: i32| Placement {
         at: [20.0 - 40.0 * f64::from(k.rem_euclid(2)), f64::from(k), 0.0],

@@ -1,6 +1,6 @@
-//! A forest on hills: dense woods with a floor of litter, clearings, a track that winds through.
+//! A forest on hills: dense woods with a floor of litter, clearings, and a winding track.
 
-use super::wild::Wild;
+use super::planting::Planting;
 use crate::scene::material::Surface;
 use crate::scene::parts::grove::{fallen_trunk, stump, wild_tree};
 use crate::scene::parts::plants::{bush, tuft};
@@ -29,7 +29,7 @@ impl Forest {
     }
 
     fn height(&self, x: f64, y: f64) -> f64 {
-        // The track is worn smooth.
+        // The track is smooth.
         let rough = ramp(self.off_track([x, y]), 1.5, 5.0);
         9.0 * self.hills.at(x, y) + 0.45 * (0.15 + 0.85 * rough) * self.rough.at(x, y)
     }
@@ -53,22 +53,22 @@ impl Forest {
     }
 }
 
-pub(super) fn build(b: &mut Builder, wild: &mut Wild, seed: u64, rng: &mut Generator) {
+pub(super) fn build(b: &mut Builder, planting: &mut Planting, seed: u64, rng: &mut Generator) {
     let forest = Forest {
-        hills: wild.noise(1, 95.0, 3),
-        rough: wild.noise(2, 5.0, 4),
-        woods: wild.noise(3, 48.0, 2),
+        hills: planting.noise(1, 95.0, 3),
+        rough: planting.noise(2, 5.0, 4),
+        woods: planting.noise(3, 48.0, 2),
         phase: 0.7 * seed as f64,
     };
-    Wild::lay(b, &|x, y| forest.height(x, y), |x, y| forest.surface(x, y));
-    for at in wild.sow(270, 4.2, rng, |at, _| forest.is_wood(at)) {
+    Planting::lay_ground(b, &|x, y| forest.height(x, y), |x, y| forest.surface(x, y));
+    for at in planting.scatter(270, 4.2, rng, |at, _| forest.is_wood(at)) {
         wild_tree(b, forest.point(at), [8.0, 17.0], 0.55, rng);
     }
-    for at in wild.sow(70, 2.5, rng, |at, _| forest.is_wood(at)) {
-        // Young ones.
+    for at in planting.scatter(70, 2.5, rng, |at, _| forest.is_wood(at)) {
+        // Young trees.
         wild_tree(b, forest.point(at), [2.0, 4.5], 0.7, rng);
     }
-    for at in wild.sow(60, 3.0, rng, |at, _| forest.off_track(at) > TRACK_M + 1.0) {
+    for at in planting.scatter(60, 3.0, rng, |at, _| forest.off_track(at) > TRACK_M + 1.0) {
         let (foot, radius) = (forest.point(at), rng.range(0.14, 0.35));
         let (turn, length) = (rng.turn(), rng.range(4.0, 10.0));
         let end = [at[0] + length * libm::cos(turn), at[1] + length * libm::sin(turn)];
@@ -78,15 +78,15 @@ pub(super) fn build(b: &mut Builder, wild: &mut Wild, seed: u64, rng: &mut Gener
             fallen_trunk(b, [foot, forest.point(end)], radius, rng);
         }
     }
-    for at in wild.sow(260, 2.0, rng, |at, _| forest.off_track(at) > TRACK_M + 0.8) {
+    for at in planting.scatter(260, 2.0, rng, |at, _| forest.off_track(at) > TRACK_M + 0.8) {
         bush(b, forest.point(at), [rng.range(0.4, 1.2), rng.range(0.4, 1.6)], 230, rng);
     }
-    for at in wild.sow(120, 1.5, rng, |at, _| forest.off_track(at) > TRACK_M + 0.3) {
+    for at in planting.scatter(120, 1.5, rng, |at, _| forest.off_track(at) > TRACK_M + 0.3) {
         let radius = 0.2 + 0.8 * rng.unit() * rng.unit();
         rock(b, add(forest.point(at), [0.0, 0.0, 0.2 * radius]), radius, rng);
     }
     for _ in 0..9000 {
-        let at = Wild::spot(rng);
+        let at = Planting::random_spot(rng);
         if forest.off_track(at) > TRACK_M {
             tuft(b, forest.point(at), rng.range(0.1, 0.5), 4, rng);
         }

@@ -1,6 +1,6 @@
-//! The shore of a lake: water, a beach, reeds, trees behind, a jetty.
+//! The shore of a lake: water, a beach, reeds, trees behind it, and a jetty.
 
-use super::wild::{HALF_M, Wild};
+use super::planting::{HALF_M, Planting};
 use crate::scene::material::Surface;
 use crate::scene::parts::grove::{fallen_trunk, wild_tree};
 use crate::scene::parts::plants::{bush, tuft};
@@ -9,10 +9,10 @@ use crate::scene::parts::{Builder, Frame, Point, add};
 use crate::scene::value_noise::{Noise, ramp};
 use echoloop_random::Generator;
 
-/// Where the shore lies on average, and how far it swings, metres along x.
+/// Mean x of the shore, and its largest deviation, metres.
 const SHORE_M: f64 = 45.0;
 const SWING_M: f64 = 11.0;
-/// Viewpoints keep this far from where the water may begin, metres.
+/// Distance of viewpoints from the nearest possible shore, metres.
 const DRY_M: f64 = 6.0;
 
 struct Lake {
@@ -23,7 +23,7 @@ struct Lake {
 }
 
 impl Lake {
-    /// Distance inland, about; below 0 on the lake.
+    /// Approximate distance inland, metres; negative on the lake.
     fn inland(&self, [x, y]: [f64; 2]) -> f64 {
         SHORE_M + SWING_M * self.shore.at(0.0, y) - x
     }
@@ -55,35 +55,40 @@ impl Lake {
     }
 }
 
-/// Returns the largest x at which a viewpoint may lie, metres.
-pub(super) fn build(b: &mut Builder, wild: &mut Wild, seed: u64, rng: &mut Generator) -> f64 {
+/// Builds the scene; returns the largest x of viewpoints, metres.
+pub(super) fn build(
+    b: &mut Builder,
+    planting: &mut Planting,
+    seed: u64,
+    rng: &mut Generator,
+) -> f64 {
     let lake = Lake {
-        hills: wild.noise(1, 70.0, 3),
-        rough: wild.noise(2, 5.0, 4),
-        woods: wild.noise(3, 36.0, 2),
-        shore: wild.noise(4 + seed % 2, 60.0, 2),
+        hills: planting.noise(1, 70.0, 3),
+        rough: planting.noise(2, 5.0, 4),
+        woods: planting.noise(3, 36.0, 2),
+        shore: planting.noise(4 + seed % 2, 60.0, 2),
     };
-    Wild::lay(b, &|x, y| lake.height(x, y), |x, y| lake.surface(x, y));
+    Planting::lay_ground(b, &|x, y| lake.height(x, y), |x, y| lake.surface(x, y));
     water(b);
     let is_wood = |at: [f64; 2]| lake.inland(at) > 12.0 && lake.woods.at(at[0], at[1]) > -0.05;
-    for at in wild.sow(190, 5.0, rng, |at, _| is_wood(at)) {
+    for at in planting.scatter(190, 5.0, rng, |at, _| is_wood(at)) {
         wild_tree(b, lake.point(at), [5.0, 14.0], 0.25, rng);
     }
-    for at in wild.sow(260, 2.2, rng, |at, _| lake.inland(at) > 7.0) {
+    for at in planting.scatter(260, 2.2, rng, |at, _| lake.inland(at) > 7.0) {
         bush(b, lake.point(at), [rng.range(0.5, 1.4), rng.range(0.6, 2.0)], 230, rng);
     }
-    for at in wild.sow(160, 1.5, rng, |at, _| lake.inland(at) > -3.0) {
+    for at in planting.scatter(160, 1.5, rng, |at, _| lake.inland(at) > -3.0) {
         let size = rng.unit();
         let radius = 0.2 + 1.2 * size * size * size;
         rock(b, add(lake.point(at), [0.0, 0.0, 0.2 * radius]), radius, rng);
     }
-    for at in wild.sow(14, 6.0, rng, |at, _| (1.0..9.0).contains(&lake.inland(at))) {
+    for at in planting.scatter(14, 6.0, rng, |at, _| (1.0..9.0).contains(&lake.inland(at))) {
         // Driftwood along the water.
         let end = [at[0] + rng.spread(1.5), at[1] + rng.range(2.5, 5.0)];
         fallen_trunk(b, [lake.point(at), lake.point(end)], rng.range(0.12, 0.25), rng);
     }
     for _ in 0..16_000 {
-        let at = Wild::spot(rng);
+        let at = Planting::random_spot(rng);
         match lake.inland(at) {
             inland if (-5.0..1.5).contains(&inland) && lake.woods.at(at[1], at[0]) > -0.1 => {
                 tuft(b, lake.point(at), rng.range(1.1, 2.0), 7, rng); // reeds
@@ -96,7 +101,7 @@ pub(super) fn build(b: &mut Builder, wild: &mut Wild, seed: u64, rng: &mut Gener
     SHORE_M - SWING_M - DRY_M
 }
 
-/// The level of the water, as far as ground goes; it lies hidden below the land.
+/// Surface of the water; it also lies below the land, where it is hidden.
 fn water(b: &mut Builder) {
     let (from, to, side) = (SHORE_M - SWING_M - 4.0, HALF_M + 80.0, HALF_M + 80.0);
     let (columns, rows) = (28, 60);

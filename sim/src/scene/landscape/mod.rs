@@ -1,16 +1,16 @@
-//! Open country one would recognise: a forest on hills, a rocky valley, the shore of a lake.
+//! Landscapes: a forest on hills, a rocky valley, the shore of a lake.
 
 mod forest;
 mod lake;
+mod planting;
 mod valley;
-mod wild;
 
 use super::mesh::Mesh;
 use super::parts::Builder;
 use echoloop_random::Generator;
-use wild::{HALF_M, Wild};
+use planting::{HALF_M, Planting};
 
-/// What the country is like.
+/// Kind of a landscape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Landscape {
     /// Woods and clearings on hills, a track through them.
@@ -21,21 +21,21 @@ pub(crate) enum Landscape {
     Lake,
 }
 
-/// Viewpoints keep this far from the edge, metres.
+/// Distance of viewpoints from the edge, metres.
 const RIM_M: f64 = 16.0;
 
-/// Builds a landscape, and the box in which viewpoints may lie.
+/// Builds a landscape; returns its mesh and the box of viewpoints.
 pub(crate) fn build(landscape: Landscape, seed: u64) -> (Mesh, ([f32; 2], [f32; 2])) {
     let mut rng = Generator::new(seed, 60 + landscape as u64);
     let mut b = Builder::default();
-    let mut wild = Wild::new(seed);
+    let mut planting = Planting::new(seed);
     let reach = HALF_M - RIM_M;
     let (low, mut high) = ([-reach; 2], [reach; 2]);
     match landscape {
-        Landscape::Forest => forest::build(&mut b, &mut wild, seed, &mut rng),
-        Landscape::Valley => valley::build(&mut b, &mut wild, seed, &mut rng),
-        // Nobody stands on the water.
-        Landscape::Lake => high[0] = lake::build(&mut b, &mut wild, seed, &mut rng),
+        Landscape::Forest => forest::build(&mut b, &mut planting, seed, &mut rng),
+        Landscape::Valley => valley::build(&mut b, &mut planting, seed, &mut rng),
+        // No viewpoint lies on the water.
+        Landscape::Lake => high[0] = lake::build(&mut b, &mut planting, seed, &mut rng),
     }
     (b.finish(), (low.map(|x| x as f32), high.map(|x| x as f32)))
 }
@@ -48,7 +48,7 @@ mod tests {
     const ALL: [Landscape; 3] = [Landscape::Forest, Landscape::Valley, Landscape::Lake];
 
     #[test]
-    fn landscapes_are_sound_and_each_is_its_own() {
+    fn landscapes_are_sound_and_differ_in_their_surfaces() {
         for landscape in ALL {
             let (mesh, _) = build(landscape, 1);
             mesh.check(super::super::MATERIALS.len(), 500.0).expect("sound");

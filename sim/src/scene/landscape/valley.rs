@@ -1,6 +1,6 @@
-//! A rocky valley: a dry bed of gravel between slopes that rise in steps, boulders at their feet.
+//! A rocky valley: a dry bed of gravel between stepped slopes, with boulders at their feet.
 
-use super::wild::Wild;
+use super::planting::Planting;
 use crate::scene::material::Surface;
 use crate::scene::parts::grove::wild_tree;
 use crate::scene::parts::plants::{bush, tuft};
@@ -32,7 +32,7 @@ impl Valley {
     fn height(&self, x: f64, y: f64) -> f64 {
         let away = self.away([x, y]);
         let up = (away - FLOOR_M - 7.0 * self.crags.at(x, y)).max(0.0);
-        // Slopes that go up in steps, each with a level foot and a steep face.
+        // Steps with a level foot and a steep face.
         let smooth = (0.42 * up + 2.8 * self.hills.at(x, y) * ramp(up, 0.0, 15.0)).max(0.0);
         let (step, part) = ((smooth / STEP_M).floor(), (smooth / STEP_M).fract());
         let slope = STEP_M * (step + ramp(part, 0.55, 0.95));
@@ -67,43 +67,43 @@ impl Valley {
     }
 }
 
-pub(super) fn build(b: &mut Builder, wild: &mut Wild, seed: u64, rng: &mut Generator) {
+pub(super) fn build(b: &mut Builder, planting: &mut Planting, seed: u64, rng: &mut Generator) {
     let valley = Valley {
-        hills: wild.noise(1, 40.0, 3),
-        rough: wild.noise(2, 4.0, 4),
-        crags: wild.noise(3, 26.0, 3),
+        hills: planting.noise(1, 40.0, 3),
+        rough: planting.noise(2, 4.0, 4),
+        crags: planting.noise(3, 26.0, 3),
         phase: 0.9 * seed as f64,
     };
-    Wild::lay(b, &|x, y| valley.height(x, y), |x, y| valley.surface(x, y));
-    boulders(b, wild, &valley, rng);
+    Planting::lay_ground(b, &|x, y| valley.height(x, y), |x, y| valley.surface(x, y));
+    boulders(b, planting, &valley, rng);
     let is_soft =
         |at: [f64; 2]| valley.away(at) > BED_M + 2.0 && valley.steepness(at[0], at[1]) < 0.5;
-    for at in wild.sow(75, 4.0, rng, |at, _| is_soft(at)) {
+    for at in planting.scatter(75, 4.0, rng, |at, _| is_soft(at)) {
         wild_tree(b, valley.point(at), [3.5, 10.0], 0.75, rng);
     }
-    for at in wild.sow(330, 2.0, rng, |at, _| is_soft(at)) {
+    for at in planting.scatter(330, 2.0, rng, |at, _| is_soft(at)) {
         bush(b, valley.point(at), [rng.range(0.35, 1.2), rng.range(0.4, 1.4)], 220, rng);
     }
     for _ in 0..7000 {
-        let at = Wild::spot(rng);
+        let at = Planting::random_spot(rng);
         if is_soft(at) {
             tuft(b, valley.point(at), rng.range(0.1, 0.4), 4, rng);
         }
     }
 }
 
-/// Many where a slope begins, some in the bed, small ones everywhere.
-fn boulders(b: &mut Builder, wild: &mut Wild, valley: &Valley, rng: &mut Generator) {
+/// Places boulders: many at the foot of the slopes, some in the bed, small ones everywhere.
+fn boulders(b: &mut Builder, planting: &mut Planting, valley: &Valley, rng: &mut Generator) {
     let at_foot = |at: [f64; 2], rng: &mut Generator| {
         let away = valley.away(at) - FLOOR_M;
         (-9.0..14.0).contains(&away) && rng.chance(0.8)
     };
-    for at in wild.sow(190, 3.2, rng, at_foot) {
+    for at in planting.scatter(190, 3.2, rng, at_foot) {
         let size = rng.unit();
         let radius = 0.5 + 2.4 * size * size;
         rock(b, add(valley.point(at), [0.0, 0.0, 0.25 * radius]), radius, rng);
     }
-    for at in wild.sow(420, 1.6, rng, |_, _| true) {
+    for at in planting.scatter(420, 1.6, rng, |_, _| true) {
         let size = rng.unit();
         let radius = 0.2 + 1.1 * size * size * size;
         rock(b, add(valley.point(at), [0.0, 0.0, 0.2 * radius]), radius, rng);

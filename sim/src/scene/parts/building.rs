@@ -6,14 +6,14 @@ use super::house::House;
 use super::{Builder, Frame, Surface};
 use echoloop_random::Generator;
 
-/// A rectangle on a wall: along it, and up.
+/// Rectangle on a wall: x along it, z up.
 #[derive(Clone, Copy, Debug)]
 struct Rect {
     x: [f64; 2],
     z: [f64; 2],
 }
 
-/// One window's share of a wall.
+/// Part of a wall with one window or door.
 struct Bay {
     cell: Rect,
     front: bool,
@@ -29,14 +29,14 @@ impl Bay {
         self.cell.x[1] - self.cell.x[0]
     }
 
-    /// An opening in its middle, from `low` to `high` above the floor.
+    /// Opening in its middle, from `low` to `high` above the floor, metres.
     fn hole(&self, half: f64, low: f64, high: f64) -> Rect {
         let (x, z) = (self.middle(), self.cell.z[0]);
         Rect { x: [x - half, x + half], z: [z + low, z + high] }
     }
 }
 
-/// A hole in a bay of the wall: its reveals, and a pane set back by `depth`.
+/// Opening in a bay: its reveals, and a pane set back by `depth`.
 struct Opening<'a> {
     bay: &'a Bay,
     hole: Rect,
@@ -71,8 +71,8 @@ impl Opening<'_> {
 }
 
 impl House {
-    /// Builds the house round the frame's origin, which lies on the ground in the middle of its
-    /// floor plan.
+    /// Builds the house around the origin of the frame, which is the middle of its floor plan on
+    /// the ground.
     pub(crate) fn build(&self, b: &mut Builder, frame: &Frame, rng: &mut Generator) {
         let (w, d) = (0.5 * self.width_m, 0.5 * self.depth_m);
         let starts = [[-w, -d, 0.0], [w, -d, 0.0], [w, d, 0.0], [-w, d, 0.0]];
@@ -90,7 +90,7 @@ impl House {
         self.roof(b, frame, rng);
     }
 
-    /// One wall: x along it, y into the house, z up.
+    /// Builds one wall: x along it, y into the house, z up.
     fn wall(&self, b: &mut Builder, wall: &Frame, length: f64, side: usize, rng: &mut Generator) {
         if !self.open[side] {
             quad_xz(b, wall, Rect { x: [0.0, length], z: [0.0, self.height_m()] }, 0.0, self.wall);
@@ -170,7 +170,7 @@ fn quad_xz(b: &mut Builder, wall: &Frame, r: Rect, depth: f64, surface: Surface)
     b.quad(corners.map(|p| wall.at(p)), surface);
 }
 
-/// Crossbars before the pane.
+/// Bars in front of the pane.
 fn window_bars(b: &mut Builder, wall: &Frame, hole: Rect, depth: f64) {
     let (near, far) = (depth - 0.05, depth - 0.002);
     let middle = 0.5 * (hole.x[0] + hole.x[1]);

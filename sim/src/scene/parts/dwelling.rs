@@ -1,11 +1,11 @@
-//! Houses and trees as towns and suburbs have them, each a little different.
+//! Houses and trees of towns and suburbs with random proportions.
 
 use super::house::{House, Roof};
 use super::plants::{Broadleaf, conifer};
 use super::{Builder, Point, Surface};
 use echoloop_random::Generator;
 
-/// A house in a row.
+/// Terraced house.
 pub(crate) fn town_house(width_m: f64, depth_m: f64, rng: &mut Generator) -> House {
     let pitch = rng.range(0.5, 0.9);
     House {
@@ -29,7 +29,7 @@ pub(crate) fn town_house(width_m: f64, depth_m: f64, rng: &mut Generator) -> Hou
     }
 }
 
-/// A shed behind one.
+/// Shed behind a house.
 pub(crate) fn shed(rng: &mut Generator) -> House {
     House {
         width_m: rng.range(3.0, 4.5),
@@ -46,7 +46,7 @@ pub(crate) fn shed(rng: &mut Generator) -> House {
     }
 }
 
-/// A detached house on a plot of a width, metres.
+/// Detached house on a plot of a given width, metres.
 pub(crate) fn cottage(plot_width: f64, rng: &mut Generator) -> House {
     let pitch = rng.range(0.55, 1.0);
     House {
@@ -64,7 +64,7 @@ pub(crate) fn cottage(plot_width: f64, rng: &mut Generator) -> House {
     }
 }
 
-/// A garage beside one.
+/// Garage beside a house.
 pub(crate) fn garage(rng: &mut Generator) -> House {
     House {
         width_m: 3.6,
@@ -81,7 +81,7 @@ pub(crate) fn garage(rng: &mut Generator) -> House {
     }
 }
 
-/// A tree of a street.
+/// Street tree.
 pub(crate) fn street_tree(b: &mut Builder, foot: Point, rng: &mut Generator) {
     let height_m = rng.range(6.0, 10.0);
     let tree = Broadleaf {
@@ -93,7 +93,7 @@ pub(crate) fn street_tree(b: &mut Builder, foot: Point, rng: &mut Generator) {
     tree.build(b, foot, rng);
 }
 
-/// A tree of a garden.
+/// Garden tree.
 pub(crate) fn garden_tree(b: &mut Builder, foot: Point, rng: &mut Generator) {
     if rng.chance(0.25) {
         return conifer(b, foot, rng.range(4.0, 8.0), rng);

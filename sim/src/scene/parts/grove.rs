@@ -1,10 +1,11 @@
-//! Trees as they grow wild, stand cut or lie fallen.
+//! Trees of the wild, stumps and fallen trunks.
 
 use super::plants::{Broadleaf, conifer};
 use super::{Builder, Point, Surface, add, unit};
+use crate::vector::mix;
 use echoloop_random::Generator;
 
-/// A tree of a height between two, metres; a share of them are conifers.
+/// Tree with a height between two, metres; a share of them are conifers.
 pub(crate) fn wild_tree(
     b: &mut Builder,
     foot: Point,
@@ -25,13 +26,13 @@ pub(crate) fn wild_tree(
     tree.build(b, foot, rng);
 }
 
-/// A stump.
+/// Tree stump.
 pub(crate) fn stump(b: &mut Builder, foot: Point, radius: f64, rng: &mut Generator) {
     let top = add(foot, [rng.spread(0.1), rng.spread(0.1), rng.range(0.3, 1.2)]);
     b.tube((add(foot, [0.0, 0.0, -0.3]), 1.4 * radius), (top, radius), 12, Surface::Bark);
 }
 
-/// A trunk that lies from a place on the ground to another, with what is left of its branches.
+/// Fallen trunk between two points on the ground, with stubs of branches.
 pub(crate) fn fallen_trunk(
     b: &mut Builder,
     [foot, end]: [Point; 2],
@@ -42,7 +43,7 @@ pub(crate) fn fallen_trunk(
     b.tube((add(foot, lift), radius), (add(end, lift), 0.6 * radius), 12, Surface::Bark);
     for k in 1..6 {
         let t = f64::from(k) / 6.0;
-        let at: Point = std::array::from_fn(|i| foot[i] + t * (end[i] - foot[i]) + lift[i]);
+        let at = add(mix(foot, end, t), lift);
         let up = rng.direction();
         let twig = unit([up[0], up[1], up[2].abs() + 0.2]);
         let tip = add(at, twig.map(|x| x * rng.range(0.4, 1.2)));

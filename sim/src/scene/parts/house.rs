@@ -1,8 +1,8 @@
-//! What a house is: its measures, its surfaces, its roof's shape.
+//! Description of a house: its dimensions, its surfaces, the shape of its roof.
 
 use super::Surface;
 
-/// The shape on top of a house.
+/// Shape of a roof.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Roof {
     /// Two slopes, ridge along the width; rise over run.
@@ -13,7 +13,7 @@ pub(crate) enum Roof {
     Flat,
 }
 
-/// A house; x along its front, which faces −y; lengths in metres.
+/// House; x runs along its front, which faces −y; lengths in metres.
 #[derive(Clone, Debug)]
 pub(crate) struct House {
     pub(crate) width_m: f64,
@@ -25,7 +25,7 @@ pub(crate) struct House {
     pub(crate) roof: Roof,
     pub(crate) wall: Surface,
     pub(crate) roof_surface: Surface,
-    /// Front, right, back, left: does this side have windows?
+    /// True for each side with windows: front, right, back, left.
     pub(crate) open: [bool; 4],
     pub(crate) balconies: bool,
     pub(crate) shop: bool,

@@ -1,4 +1,4 @@
-//! Trees, bushes, hedges, grass: wood as tubes, foliage as clutter of leaves.
+//! Trees, bushes, hedges, grass: wood as tubes, foliage as single leaves.
 
 use super::{Builder, Frame, Point, Surface, add, cross, scale, square_to, sub, unit};
 use echoloop_random::Generator;
@@ -25,7 +25,7 @@ impl Broadleaf {
         let limbs = 7 + rng.index(3);
         for limb in 0..limbs {
             let up = (limb as f64 + 0.8 * rng.unit()) / limbs as f64;
-            // Neighbours in height stand a golden angle apart, as on a real stem.
+            // Successive limbs are a golden angle apart, as on a real stem.
             let turn = 2.4 * limb as f64 + rng.spread(0.4);
             let from = add(scale(fork, 1.0 - 0.9 * up), scale(top, 0.9 * up));
             let out = unit([libm::cos(turn), libm::sin(turn), 0.35 + 0.5 * rng.unit()]);
@@ -36,7 +36,7 @@ impl Broadleaf {
         self.foliage(b, &tips, rng);
     }
 
-    /// The clear stem, slightly bent, with a root flare; returns where the crown begins.
+    /// Builds the stem, slightly bent, with a root flare; returns the base of the crown.
     fn trunk(&self, b: &mut Builder, foot: Point, radius: f64, rng: &mut Generator) -> Point {
         let lean = [rng.spread(0.05), rng.spread(0.05)];
         let mut from = add(foot, [0.0, 0.0, -0.3]);
@@ -61,10 +61,10 @@ impl Broadleaf {
     }
 }
 
-/// A branch and those that grow from it.
+/// Branch with the twigs that grow from it.
 struct Limb {
     from: Point,
-    /// Unit.
+    /// Direction, unit.
     out: Point,
     length: f64,
     radius: f64,
@@ -73,7 +73,7 @@ struct Limb {
 }
 
 impl Limb {
-    /// Builds the branch; adds to `tips` where leaves hang and how far from there.
+    /// Builds the branch; adds to `tips` the places of leaves and their spread.
     fn grow(&self, b: &mut Builder, tips: &mut Vec<(Point, f64)>, rng: &mut Generator) {
         let (length, radius) = (self.length, self.radius);
         let bend = unit(add(self.out, scale(rng.direction(), 0.25)));
@@ -105,7 +105,7 @@ fn leaf(b: &mut Builder, at: Point, length_m: f64, rng: &mut Generator) {
     b.leaf(at, along, normal, length_m, Surface::Leaf);
 }
 
-/// A conifer: straight stem, whorls of drooping boughs.
+/// Conifer: straight stem, whorls of drooping boughs.
 pub(crate) fn conifer(b: &mut Builder, foot: Point, height_m: f64, rng: &mut Generator) {
     let radius = 0.018 * height_m + 0.03;
     let top = add(foot, [rng.spread(0.2), rng.spread(0.2), height_m]);
@@ -130,7 +130,7 @@ pub(crate) fn conifer(b: &mut Builder, foot: Point, height_m: f64, rng: &mut Gen
     }
 }
 
-/// A branch with twigs of needles to both sides.
+/// Bough with twigs of needles on both sides.
 fn bough(b: &mut Builder, from: Point, out: Point, length: f64, rng: &mut Generator) {
     let to = add(from, scale(out, length));
     b.branch((from, 0.03), (to, 0.008), 3, Surface::Bark);
@@ -147,7 +147,7 @@ fn bough(b: &mut Builder, from: Point, out: Point, length: f64, rng: &mut Genera
     }
 }
 
-/// A bush of a radius and a height: a few stems in an ellipsoid of leaves.
+/// Bush of a radius and a height: a few stems in an ellipsoid of leaves.
 pub(crate) fn bush(
     b: &mut Builder,
     foot: Point,
@@ -174,7 +174,7 @@ pub(crate) fn bush(
     }
 }
 
-/// A clipped hedge along the frame's x: a dark core behind a skin of leaves.
+/// Clipped hedge along the x axis of the frame: a dark core behind a skin of leaves.
 pub(crate) fn hedge(
     b: &mut Builder,
     frame: &Frame,
@@ -201,7 +201,7 @@ pub(crate) fn hedge(
     }
 }
 
-/// A tuft of grass: a few upright blades.
+/// Tuft of grass: a few upright blades.
 pub(crate) fn tuft(
     b: &mut Builder,
     foot: Point,

@@ -85,13 +85,14 @@ impl House {
         for side in [0.0, PI] {
             let slope = frame.child([0.0; 3], side);
             self.courses(b, &slope, [w + over, ridge], [-d - over, 0.0], z);
-            // The end slope starts at the short wall and reaches the end of the ridge.
+            // The end slope rises from the short wall to the end of the ridge.
             let end = frame.child([0.0; 3], side + FRAC_PI_2);
             self.courses(b, &end, [d + over, 0.0], [-w - over, -ridge], z);
         }
     }
 
-    /// Tile courses of a slope from its eaves up to its ridge: half widths, y, z of both.
+    /// Tile courses of a slope; each pair gives the half width, y and z at the eaves and at the
+    /// ridge.
     fn courses(&self, b: &mut Builder, slope: &Frame, half: [f64; 2], y: [f64; 2], z: [f64; 2]) {
         const STEP_M: f64 = 0.03;
         let count = (((y[1] - y[0]) / 0.4) as usize).max(1);

@@ -1,8 +1,8 @@
-//! What stands in a street: lamps, signs, bins, bollards, benches, fences.
+//! Street furniture: lamps, signs, bins, bollards, benches, fences.
 
 use super::{Builder, Frame, Surface};
 
-/// A street lamp 6–8 m high whose arm points to the frame's x.
+/// Street lamp 6–8 m high whose arm points along x.
 pub(crate) fn lamp(b: &mut Builder, frame: &Frame, height_m: f64) {
     let at = |x: f64, z: f64| frame.at([x, 0.0, z]);
     b.tube((at(0.0, -0.3), 0.12), (at(0.0, 1.0), 0.11), 12, Surface::Metal);
@@ -11,14 +11,14 @@ pub(crate) fn lamp(b: &mut Builder, frame: &Frame, height_m: f64) {
     b.cuboid(frame, [1.2, -0.13, height_m + 0.18], [1.9, 0.13, height_m + 0.30], Surface::Metal);
 }
 
-/// A round traffic sign facing the frame's x.
+/// Round traffic sign facing x.
 pub(crate) fn sign(b: &mut Builder, frame: &Frame) {
     let at = |x: f64, z: f64| frame.at([x, 0.0, z]);
     b.tube((at(0.0, -0.3), 0.03), (at(0.0, 2.9), 0.03), 8, Surface::Metal);
     b.tube((at(0.035, 2.5), 0.3), (at(0.055, 2.5), 0.3), 20, Surface::RetroSign);
 }
 
-/// A traffic light 3.4 m high facing the frame's x: a pole, a box, three lenses below visors.
+/// Traffic light 3.4 m high facing x: a pole, a box, three lenses below visors.
 pub(crate) fn traffic_light(b: &mut Builder, frame: &Frame) {
     let at = |x: f64, z: f64| frame.at([x, 0.0, z]);
     b.tube((at(0.0, -0.3), 0.09), (at(0.0, 0.6), 0.09), 12, Surface::Metal);
@@ -31,14 +31,14 @@ pub(crate) fn traffic_light(b: &mut Builder, frame: &Frame) {
     }
 }
 
-/// A waste bin.
+/// Waste bin.
 pub(crate) fn bin(b: &mut Builder, frame: &Frame) {
     let at = |z: f64| frame.at([0.0, 0.0, z]);
     b.tube((at(-0.1), 0.24), (at(0.9), 0.28), 14, Surface::Metal);
     b.tube((at(0.9), 0.31), (at(1.0), 0.2), 14, Surface::Metal);
 }
 
-/// A bollard.
+/// Bollard.
 pub(crate) fn bollard(b: &mut Builder, frame: &Frame) {
     b.tube(
         (frame.at([0.0, 0.0, -0.2]), 0.07),
@@ -48,7 +48,7 @@ pub(crate) fn bollard(b: &mut Builder, frame: &Frame) {
     );
 }
 
-/// A bench along the frame's x, facing −y.
+/// Bench along x, facing −y.
 pub(crate) fn bench(b: &mut Builder, frame: &Frame) {
     for x in [-0.7, 0.6] {
         b.cuboid(frame, [x, -0.25, -0.2], [x + 0.1, 0.25, 0.42], Surface::Concrete);
@@ -61,8 +61,7 @@ pub(crate) fn bench(b: &mut Builder, frame: &Frame) {
     }
 }
 
-/// A picket fence along the frame's x; `ground` gives the height of the ground under a point of the
-/// fence.
+/// Picket fence along x; `ground` gives the height of the ground at an x, in the frame.
 pub(crate) fn pickets(
     b: &mut Builder,
     frame: &Frame,

@@ -6,7 +6,7 @@ use echoloop_random::Generator;
 
 /// Ground out to `half_m` with cells of `fine_m`, then an apron of `apron_m` with coarse cells.
 ///
-/// The apron keeps the horizon from being a cliff: a LiDAR sees 120 m, a town patch ends sooner.
+/// The apron avoids a cliff at the horizon: a LiDAR sees 120 m, beyond the edge of the scene.
 pub(crate) fn ground(
     b: &mut Builder,
     half_m: f64,

@@ -1,10 +1,10 @@
-//! Parked cars: a body lofted over cross-sections, wheels, mirrors, lamps, plates.
+//! Cars: a body lofted over cross-sections, wheels, mirrors, plates.
 
 use super::{Builder, Frame, Point, Surface};
 use echoloop_random::Generator;
 
-/// Cross-sections from tail to nose: x, half width at the waist, sill z, waist z, roof z, half
-/// width of the roof. Fractions of length, width and height.
+/// Cross-section of a body: x, half width at the waist, sill z, waist z, roof z, half width of the
+/// roof, as fractions of length, width and height. A body lists them from tail to nose.
 type Section = [f64; 6];
 
 const SALOON: &[Section] = &[
@@ -48,10 +48,10 @@ const VAN: &[Section] = &[
     [0.500, 0.82, 0.24, 0.36, 0.40, 0.72],
 ];
 
-/// Points round half a section, sill to roof middle.
+/// Points around half a section, from the sill to the middle of the roof.
 const HALF: usize = 6;
 
-/// Places a car on the ground, nose towards the frame's x.
+/// Builds a car on the ground, nose towards x.
 pub(crate) fn car(b: &mut Builder, frame: &Frame, rng: &mut Generator) {
     let (sections, mut size) = match rng.index(5) {
         0 | 1 => (SALOON, [4.6, 0.91, 1.46]),
@@ -113,8 +113,8 @@ fn body(b: &mut Builder, frame: &Frame, sections: &[Section], size: [f64; 3], pa
     }
 }
 
-/// Point `k` of a section: two on the sill, the bulge, the waist, the roof's edge, near the roof's
-/// middle.
+/// Point `k` of a section: 0 and 1 on the sill, 2 the bulge, 3 the waist, 4 the edge of the roof, 5
+/// near its middle.
 fn outline(section: &Section, k: usize, [length, half, height]: [f64; 3]) -> Point {
     let [x, wide, sill, waist, roof, narrow] = *section;
     let (y, z) = match k {

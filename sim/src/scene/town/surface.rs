@@ -1,21 +1,22 @@
-//! Roads as faces: lanes, kerbs, the sides of what stands above the ground, paint.
+//! Surfaces of roads: lanes, kerbs, sides, paint.
 
-use super::site::{Cover, KERB_M, Site, flat, mix, pieces};
+use super::cover_raster::{Cover, CoverRaster, KERB_M, flat, pieces};
 use crate::roads::{Lane, LaneKind, Prop, RoadNetwork};
 use crate::scene::material::Surface;
 use crate::scene::parts::{Builder, Point, add};
+use crate::vector::mix;
 
-/// Paint lies this far above its road, metres.
+/// Height of paint above its road, metres.
 const PAINT_M: f64 = 0.004;
-/// How far past an edge its neighbour is looked up, metres.
+/// Distance beyond an edge at which the neighbouring cover is looked up, metres.
 const BEYOND_M: f64 = 0.4;
-/// How far the sides of a road go down, metres.
+/// Height of the sides of a road, metres.
 const SIDE_M: f64 = 0.4;
-/// Narrower pieces of a lane are left out, metres.
-const LEAST_M: f64 = 0.02;
+/// Width below which a piece of a lane is left out, metres.
+const MIN_WIDTH_M: f64 = 0.02;
 
-pub(super) fn build(b: &mut Builder, network: &RoadNetwork, site: &Site) {
-    network.lanes().iter().for_each(|lane| lay(b, lane, site));
+pub(super) fn build(b: &mut Builder, network: &RoadNetwork, raster: &CoverRaster) {
+    network.lanes().iter().for_each(|lane| lay(b, lane, raster));
     for stripe in network.paint() {
         b.quad(stripe.map(|p| add(p, [0.0, 0.0, PAINT_M])), Surface::RoadPaint);
     }
@@ -31,16 +32,16 @@ fn surface(kind: LaneKind) -> Surface {
     }
 }
 
-fn lay(b: &mut Builder, lane: &Lane, site: &Site) {
+fn lay(b: &mut Builder, lane: &Lane, raster: &CoverRaster) {
     let cover = Cover::of(lane.kind);
     let up = if cover == Cover::Raised { KERB_M } else { 0.0 };
     let pieces = pieces(lane);
     for (k, piece) in pieces.iter().enumerate() {
         let [l0, r0, r1, l1] = piece.map(|p| add(p, [0.0, 0.0, up]));
         let middle = mix(mix(l0, r0, 0.5), mix(l1, r1, 0.5), 0.5);
-        // Where roads of a crossing overlap, none walks where traffic goes.
-        let hidden = cover == Cover::Raised && site.cover([middle[0], middle[1]]) != cover;
-        if hidden || flat(l0, r0).max(flat(l1, r1)) < LEAST_M {
+        // In a crossing roads overlap: driving lanes hide sidewalks.
+        let hidden = cover == Cover::Raised && raster.cover([middle[0], middle[1]]) != cover;
+        if hidden || flat(l0, r0).max(flat(l1, r1)) < MIN_WIDTH_M {
             continue;
         }
         b.quad([l0, r0, r1, l1], surface(lane.kind));
@@ -48,17 +49,17 @@ fn lay(b: &mut Builder, lane: &Lane, site: &Site) {
         edges.extend((k == 0).then_some([l0, r0]));
         edges.extend((k + 1 == pieces.len()).then_some([l1, r1]));
         for edge in edges {
-            side(b, edge, middle, cover, site);
+            side(b, edge, middle, cover, raster);
         }
     }
 }
 
-/// The side of a piece along an edge, where what is beyond lies lower.
-fn side(b: &mut Builder, [p, q]: [Point; 2], middle: Point, cover: Cover, site: &Site) {
+/// Builds the side of a piece along an edge, where the neighbouring cover is lower.
+fn side(b: &mut Builder, [p, q]: [Point; 2], middle: Point, cover: Cover, raster: &CoverRaster) {
     let half = mix(p, q, 0.5);
     let away = flat(middle, half).max(1e-6);
     let out = |i: usize| half[i] + (half[i] - middle[i]) / away * BEYOND_M;
-    let beyond = site.cover([out(0), out(1)]);
+    let beyond = raster.cover([out(0), out(1)]);
     let (down, surface) = match (cover, beyond) {
         (Cover::Raised, Cover::Raised) => return,
         (Cover::Raised, Cover::Driven | Cover::Paved) => (KERB_M + 0.05, Surface::Stone),
@@ -69,14 +70,14 @@ fn side(b: &mut Builder, [p, q]: [Point; 2], middle: Point, cover: Cover, site: 
     b.quad([p, q, low(q), low(p)], surface);
 }
 
-/// Crossings for walkers and other areas as bars across their longer side, what is slim as it is.
+/// Paints crosswalks and areas as bars across their longer side, other marks as one stripe.
 fn paint(b: &mut Builder, prop: &Prop) {
     let name = prop.name.to_ascii_lowercase();
     let is_barred = ["crosswalk", "region"].iter().any(|word| name.contains(word));
     let corners: Vec<Point> = prop.outline.iter().map(|p| add(*p, [0.0, 0.0, PAINT_M])).collect();
     let Some([a, b0, c, d]) = box_of(&corners) else { return };
     if !is_barred {
-        // A stencil's ink covers about a third of its box.
+        // Paint covers about a third of the box of a stencil.
         let slim = |p: Point, q: Point, t: f64| mix(p, q, t);
         let (a, b0, c, d) = if flat(a, d) > 0.8 {
             (slim(a, d, 0.33), slim(b0, c, 0.33), slim(b0, c, 0.67), slim(a, d, 0.67))
@@ -93,7 +94,7 @@ fn paint(b: &mut Builder, prop: &Prop) {
     }
 }
 
-/// The box along an outline's longest edge that holds its corners; its first side is the longer.
+/// Bounding box of an outline along its longest edge; its first side is the longer.
 fn box_of(corners: &[Point]) -> Option<[Point; 4]> {
     let edge = |k: usize| (corners[k], corners[(k + 1) % corners.len()]);
     let longest = (0..corners.len()).max_by(|i, j| {

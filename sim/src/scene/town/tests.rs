@@ -4,23 +4,23 @@ use crate::roads::{LaneKind, NetworkStyle, draw_network, load_network};
 use crate::scene::material::Surface;
 use crate::scene::mover::Placement;
 use crate::scene::parts::{Frame, Point};
-use site::{Cover, Site};
+use cover_raster::{Cover, CoverRaster};
 
 fn ours(style: NetworkStyle, seed: u64) -> RoadNetwork {
     RoadNetwork::parse("ours", &draw_network(style, seed)).expect("a network of ours")
 }
 
-/// Networks with the dress they get, and those of CARLA where there are some.
-fn towns() -> Vec<(RoadNetwork, Dress)> {
+/// Networks with their dressing; those of CARLA where its files are present.
+fn towns() -> Vec<(RoadNetwork, Dressing)> {
     let mut towns = vec![
-        (ours(NetworkStyle::Grid, 1), Dress::Quarter),
-        (ours(NetworkStyle::Suburb, 1), Dress::Suburb),
-        (ours(NetworkStyle::Hillside, 1), Dress::Suburb),
+        (ours(NetworkStyle::Grid, 1), Dressing::Quarter),
+        (ours(NetworkStyle::Suburb, 1), Dressing::Suburb),
+        (ours(NetworkStyle::Hillside, 1), Dressing::Suburb),
     ];
     if let Some(folder) = echoloop_needs::data_folder("towns on CARLA's roads") {
         let load = |name: &str| load_network(&folder.join("carla_xodr").join(name)).expect(name);
-        towns.push((load("Town01.xodr"), Dress::Quarter));
-        towns.push((load("Town07.xodr"), Dress::Suburb));
+        towns.push((load("Town01.xodr"), Dressing::Quarter));
+        towns.push((load("Town07.xodr"), Dressing::Suburb));
     }
     towns
 }
@@ -39,23 +39,23 @@ const HOUSE: [Surface; 6] = [
 ];
 
 #[test]
-fn towns_are_whole_and_no_house_stands_on_a_road() {
-    for (network, dress) in towns() {
+fn towns_are_sound_and_no_house_stands_on_a_road() {
+    for (network, dressing) in towns() {
         let name = network.name.clone();
         let start = std::time::Instant::now();
-        let mesh = build(&network, dress, 1).mesh;
+        let mesh = build(&network, dressing, 1).mesh;
         let count = mesh.triangles.len();
-        eprintln!("{name} {dress:?}: {count} triangles, {:.1} s", start.elapsed().as_secs_f64());
+        eprintln!("{name} {dressing:?}: {count} triangles, {:.1} s", start.elapsed().as_secs_f64());
         mesh.check(crate::scene::MATERIALS.len(), 1500.0).expect("sound");
         assert!((400_000..2_000_000).contains(&count), "{name}: {count}");
-        let site = Site::new(&network);
+        let raster = CoverRaster::new(&network);
         let mut parts = 0;
         for t in 0..count {
             let [x, y, z] = middle(mesh.corners(t));
             let is_house = HOUSE.iter().any(|s| s.index() == mesh.materials[t]);
-            let cover = site.cover([x, y]);
-            // Kerbs are stone too, and low.
-            let up = site.level([x, y]).map_or(0.0, |level| z - level);
+            let cover = raster.cover([x, y]);
+            // Kerbs are also stone, but low.
+            let up = raster.level([x, y]).map_or(0.0, |level| z - level);
             parts += usize::from(is_house && cover == Cover::Open);
             let on_road = matches!(cover, Cover::Driven | Cover::Paved);
             assert!(!(is_house && on_road && up > 0.5), "{name}: a house at {x}, {y}");
@@ -66,10 +66,10 @@ fn towns_are_whole_and_no_house_stands_on_a_road() {
 
 #[test]
 fn ground_meets_roads_and_never_shows_through_them() {
-    for (network, dress) in towns() {
-        let (mut b, place) = (Builder::default(), Place::new(&network, dress, 1));
-        surface::build(&mut b, &network, &place.site);
-        place.ground.build(&mut b, |at| place.surface(at));
+    for (network, dressing) in towns() {
+        let (mut b, layout) = (Builder::default(), TownLayout::new(&network, dressing, 1));
+        surface::build(&mut b, &network, &layout.raster);
+        layout.ground.build(&mut b, |at| layout.surface(at));
         let mesh = b.finish();
         let caster = Raycaster::from_mesh(&mesh);
         let down = |[x, y, z]: Point| {
@@ -79,9 +79,9 @@ fn ground_meets_roads_and_never_shows_through_them() {
         let (mut seen, mut off, mut beside) = (0, 0, 0);
         for lane in network.lanes().iter().filter(|lane| lane.kind == LaneKind::Driving) {
             for [left, right] in &lane.ribs {
-                let at = site::mix(*left, *right, 0.5);
+                let at = crate::vector::mix(*left, *right, 0.5);
                 let (height, material) = down(at).expect("a road");
-                // Where roads of a crossing overlap, some of Town07's lie half a metre apart.
+                // Overlapping roads in crossings of Town07 differ by up to half a metre in height.
                 let is_off = (height - at[2]).abs() > 0.05;
                 assert!(!is_off || network.name != "ours", "{height} at {at:?}");
                 off += usize::from(is_off);
@@ -89,11 +89,11 @@ fn ground_meets_roads_and_never_shows_through_them() {
                 seen += 1;
             }
         }
-        for front in &place.fronts {
+        for front in &layout.edges {
             for k in 1..(front.length_m() / 3.0) as usize {
                 let edge = front.frame(3.0 * k as f64);
                 let ([x, y, _], [_, _, road]) = (edge.at([0.0, 0.7, 0.0]), edge.at([0.0; 3]));
-                if place.site.cover([x, y]) == Cover::Open {
+                if layout.raster.cover([x, y]) == Cover::Open {
                     let (height, _) = down([x, y, road]).expect("ground beside a road");
                     assert!(
                         (height - road).abs() < 0.35,
@@ -112,13 +112,13 @@ fn ground_meets_roads_and_never_shows_through_them() {
 #[test]
 fn a_town_has_lights_paint_and_vehicles_on_its_roads() {
     let network = ours(NetworkStyle::Grid, 2);
-    let mesh = build(&network, Dress::Quarter, 2).mesh;
-    let site = Site::new(&network);
+    let mesh = build(&network, Dressing::Quarter, 2).mesh;
+    let raster = CoverRaster::new(&network);
     let on = |surface: Surface, cover: Cover| {
         let of = |t: &usize| mesh.materials[*t] == surface.index();
         let there = |t: &usize| {
             let [x, y, _] = middle(mesh.corners(*t));
-            site.cover([x, y]) == cover
+            raster.cover([x, y]) == cover
         };
         (0..mesh.triangles.len()).filter(of).filter(there).count()
     };
@@ -128,18 +128,19 @@ fn a_town_has_lights_paint_and_vehicles_on_its_roads() {
     assert!(on(Surface::DarkPaint, Cover::Raised) > 12 * 10, "traffic lights");
 }
 
-/// Five points below a vehicle.
+/// Five points along the ground below a vehicle.
 fn below(at: Placement) -> [Point; 5] {
     let frame = Frame::new(at.at, at.heading_rad);
     [-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| frame.at([x, 0.0, 0.0]))
 }
 
 #[test]
-fn vehicles_drive_on_along_roads_and_never_into_each_other() {
-    for (network, dress) in towns() {
-        let (name, town, site) = (&network.name, build(&network, dress, 1), Site::new(&network));
+fn vehicles_move_along_roads_and_do_not_collide() {
+    for (network, dressing) in towns() {
+        let (name, town, raster) =
+            (&network.name, build(&network, dressing, 1), CoverRaster::new(&network));
         let on_road = |[x, y, _]: &Point| {
-            matches!(site.cover([*x, *y]), Cover::Driven | Cover::Paved | Cover::Infill)
+            matches!(raster.cover([*x, *y]), Cover::Driven | Cover::Paved | Cover::Infill)
         };
         assert!(town.movers.len() > 20, "{name}: {}", town.movers.len());
         for seconds in [0.5, 1.0, 2.5] {
@@ -149,14 +150,15 @@ fn vehicles_drive_on_along_roads_and_never_into_each_other() {
             assert!(50 * off < 5 * now.len(), "{name}: {off} of {} off the road", 5 * now.len());
             for (k, one) in now.iter().enumerate() {
                 let others = now[..k].as_flattened();
-                let nearest = one.iter().flat_map(|a| others.iter().map(|b| site::flat(*a, *b)));
+                let nearest =
+                    one.iter().flat_map(|a| others.iter().map(|b| cover_raster::flat(*a, *b)));
                 let nearest = nearest.fold(f64::INFINITY, f64::min);
                 assert!(nearest > 1.8, "{name}: {nearest} m apart after {seconds} s");
             }
         }
         let far = |mover: &&Mover| {
             let to = mover.after(0.5).expect("a place").at;
-            site::flat(mover.way[0].at, to) > 2.0
+            cover_raster::flat(mover.way[0].at, to) > 2.0
         };
         let far = town.movers.iter().filter(far).count();
         assert!(10 * far > 9 * town.movers.len(), "{name}: {far} of {}", town.movers.len());
@@ -166,7 +168,7 @@ fn vehicles_drive_on_along_roads_and_never_into_each_other() {
 #[test]
 fn one_seed_gives_one_town() {
     let network = ours(NetworkStyle::Suburb, 3);
-    let once = build(&network, Dress::Suburb, 3);
-    assert_eq!(build(&ours(NetworkStyle::Suburb, 3), Dress::Suburb, 3), once);
-    assert_ne!(build(&network, Dress::Suburb, 4).mesh, once.mesh);
+    let once = build(&network, Dressing::Suburb, 3);
+    assert_eq!(build(&ours(NetworkStyle::Suburb, 3), Dressing::Suburb, 3), once);
+    assert_ne!(build(&network, Dressing::Suburb, 4).mesh, once.mesh);
 }

@@ -1,9 +1,9 @@
-//! What the roads carry: lights and signs, parked vehicles, vehicles on their way.
+//! Objects on roads: lights and signs, parked vehicles, moving vehicles.
 
 use std::f64::consts::PI;
 
-use super::place::Place;
-use super::site::{Cover, flat};
+use super::cover_raster::{Cover, flat};
+use super::layout::TownLayout;
 use crate::roads::{Lane, LaneKind, RoadNetwork, Sign, SignKind, Waypoint};
 use crate::scene::material::Surface;
 use crate::scene::mover::{Mover, Placement, STEP_M};
@@ -12,34 +12,36 @@ use crate::scene::parts::vehicle::car;
 use crate::scene::parts::{Builder, Frame, Point};
 use echoloop_random::Generator;
 
-/// From parked vehicle to parked vehicle, metres.
+/// Distance between parked vehicles, metres.
 const SPACE_M: f64 = 6.4;
-/// A lane this wide has room for parked vehicles, metres.
+/// Least width of a lane for parked vehicles, metres.
 const BAY_M: f64 = 1.9;
-/// Half the length and width of the room a vehicle takes, metres; mirrors may reach over a kerb.
+/// Half the length and width of the area that a vehicle occupies, metres; mirrors may reach over a
+/// kerb.
 const VEHICLE_M: [f64; 2] = [2.9, 0.75];
-/// How far a vehicle on its way goes on at most, metres.
+/// Longest path of a moving vehicle, metres.
 const FARTHEST_M: f64 = 20.0;
-/// No nearer do the middles of two vehicles' ways come, metres: 1.8 wide, and their mirrors.
+/// Least distance between the centre lines of two paths, metres: vehicles are 1.8 m wide plus
+/// mirrors.
 const APART_M: f64 = 2.3;
 
-/// Vehicles, and where each of them passes.
+/// Vehicles, and the points that each passes.
 struct Traffic<'a> {
     network: &'a RoadNetwork,
     movers: Vec<Mover>,
-    /// Every metre below a vehicle and before it as far as it goes.
+    /// Points below every vehicle and along its path, a metre apart.
     passed: Vec<[f64; 2]>,
 }
 
-/// Puts up what the roads carry; returns the vehicles that are on their way.
+/// Places signs, objects and vehicles; returns the moving vehicles.
 pub(super) fn build(
     b: &mut Builder,
-    place: &mut Place,
+    layout: &mut TownLayout,
     network: &RoadNetwork,
     rng: &mut Generator,
 ) -> Vec<Mover> {
     let mut traffic = Traffic { network, movers: Vec::new(), passed: Vec::new() };
-    network.signs().iter().for_each(|sign| put_up(b, place, sign));
+    network.signs().iter().for_each(|sign| put_up(b, layout, sign));
     for prop in network.props().iter().filter(|prop| prop.height_m > 0.0) {
         stand(b, &prop.name, &prop.outline, prop.height_m);
     }
@@ -47,19 +49,19 @@ pub(super) fn build(
         let wide = lane.ribs.iter().any(|[l, r]| flat(*l, *r) > BAY_M);
         match lane.kind {
             LaneKind::Parking | LaneKind::Shoulder if wide && !lane.in_junction => {
-                traffic.park(b, place, (index, lane), rng);
+                traffic.park(b, layout, (index, lane), rng);
             }
-            LaneKind::Driving => traffic.drive(b, place, (index, lane), rng),
+            LaneKind::Driving => traffic.drive(b, layout, (index, lane), rng),
             _ => {}
         }
     }
     traffic.movers
 }
 
-/// Where traffic does not go: CARLA has the feet of some lights on a lane.
-fn put_up(b: &mut Builder, place: &Place, found: &Sign) {
+/// Places a sign at the nearest point off the traffic: CARLA has the feet of some lights on a lane.
+fn put_up(b: &mut Builder, layout: &TownLayout, found: &Sign) {
     let [x, y, _] = found.foot;
-    // Rings of places, the nearest first.
+    // Rings of points around it, the nearest first.
     let around = (0..12).flat_map(|ring| {
         let radius = f64::from(ring);
         (0..8).map(move |k| {
@@ -68,16 +70,16 @@ fn put_up(b: &mut Builder, place: &Place, found: &Sign) {
         })
     });
     let mut free =
-        around.filter(|at| !matches!(place.site.cover(*at), Cover::Driven | Cover::Infill));
+        around.filter(|at| !matches!(layout.raster.cover(*at), Cover::Driven | Cover::Infill));
     let Some(at) = free.next() else { return };
-    let frame = Frame::new(place.stand(at), found.facing_rad);
+    let frame = Frame::new(layout.stand(at), found.facing_rad);
     match found.kind {
         SignKind::TrafficLight => traffic_light(b, &frame),
         SignKind::Plate => sign(b, &frame),
     }
 }
 
-/// An object of the network: a sign by its name, otherwise a block of its outline.
+/// Places an object of the network: speed signs as signs, others as a block on their outline.
 fn stand(b: &mut Builder, name: &str, outline: &[Point], height_m: f64) {
     let (a, c) = (outline[0], outline[outline.len() / 2]);
     let middle: Point = std::array::from_fn(|i| 0.5 * (a[i] + c[i]));
@@ -94,10 +96,11 @@ fn stand(b: &mut Builder, name: &str, outline: &[Point], height_m: f64) {
 }
 
 impl Traffic<'_> {
+    /// Parks vehicles along a lane.
     fn park(
         &mut self,
         b: &mut Builder,
-        place: &mut Place,
+        layout: &mut TownLayout,
         (index, lane): (usize, &Lane),
         rng: &mut Generator,
     ) {
@@ -105,16 +108,17 @@ impl Traffic<'_> {
         while s < lane.span_m[1] - 6.0 {
             let wide = self.network.width_m(index, s).unwrap_or(0.0);
             if wide > BAY_M && rng.chance(0.6) {
-                self.vehicle(b, place, self.network.waypoint(index, s), 0.0, rng);
+                self.vehicle(b, layout, self.network.waypoint(index, s), 0.0, rng);
             }
             s += SPACE_M + rng.range(0.0, 1.5);
         }
     }
 
+    /// Places moving vehicles on a lane.
     fn drive(
         &mut self,
         b: &mut Builder,
-        place: &mut Place,
+        layout: &mut TownLayout,
         (index, lane): (usize, &Lane),
         rng: &mut Generator,
     ) {
@@ -123,7 +127,7 @@ impl Traffic<'_> {
             if !lane.in_junction || rng.chance(0.3) {
                 let (first, at) = (b.vertices(), self.network.waypoint(index, s));
                 let aside_m = rng.spread(0.25);
-                if let Some(start) = self.vehicle(b, place, at, aside_m, rng) {
+                if let Some(start) = self.vehicle(b, layout, at, aside_m, rng) {
                     let way = self.way(start, (index, s), aside_m);
                     let speed_m_s = rng.range(5.0, 10.0);
                     self.movers.push(Mover { vertices: first..b.vertices(), speed_m_s, way });
@@ -133,11 +137,11 @@ impl Traffic<'_> {
         }
     }
 
-    /// A vehicle in a lane, so far to the left of its middle, if there is room.
+    /// Places a vehicle in a lane, `aside_m` to the left of its middle, if there is room.
     fn vehicle(
         &mut self,
         b: &mut Builder,
-        place: &mut Place,
+        layout: &mut TownLayout,
         at: Option<Waypoint>,
         aside_m: f64,
         rng: &mut Generator,
@@ -150,7 +154,7 @@ impl Traffic<'_> {
         let below: Vec<Point> =
             [-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| frame.at([x, 0.0, 0.0])).to_vec();
         if !below.iter().all(|at| self.is_free(*at, self.passed.len()))
-            || !place.site.take_if(&frame, [-along, -across], [along, across], is_road)
+            || !layout.raster.take_if(&frame, [-along, -across], [along, across], is_road)
         {
             return None;
         }
@@ -159,7 +163,7 @@ impl Traffic<'_> {
         Some(Placement { at: frame.at([0.0; 3]), heading_rad })
     }
 
-    /// Along its lane and the next as far as nobody else comes, from where a vehicle stands.
+    /// Path of a vehicle along its lane and those after it, up to the path of another vehicle.
     fn way(&mut self, start: Placement, (lane, s): (usize, f64), aside_m: f64) -> Vec<Placement> {
         let (others, mut way, mut on) = (self.passed.len() - 5, vec![start], (lane, s));
         while (way.len() as f64) * STEP_M <= FARTHEST_M {
@@ -176,7 +180,7 @@ impl Traffic<'_> {
         way
     }
 
-    /// A step on in a lane as its traffic goes, or the beginning of the lane that it leads into.
+    /// Waypoint one step on, in the lane or in the one that it leads into.
     fn next(&self, (lane, s): (usize, f64)) -> Option<Waypoint> {
         let found = &self.network.lanes()[lane];
         let [low, high] = found.span_m;
@@ -192,7 +196,7 @@ impl Traffic<'_> {
         (low..high).contains(&s).then(|| self.network.waypoint(next, s)).flatten()
     }
 
-    /// Whether none of the first so many vehicles' places is near.
+    /// True when none of the first `others` points passed by vehicles is near.
     fn is_free(&self, [x, y, _]: Point, others: usize) -> bool {
         let near = |[a, b]: &[f64; 2]| (x - a).powi(2) + (y - b).powi(2) < APART_M * APART_M;
         !self.passed[..others].iter().any(near)

@@ -1,24 +1,25 @@
-//! The outer edges of roads, along which a town is built.
+//! Outer edges of roads, along which a town is built.
 
 use std::collections::BTreeMap;
 
-use super::site::flat;
+use super::cover_raster::flat;
 use crate::roads::{Lane, LaneKind, RoadNetwork};
 use crate::scene::parts::{Frame, Point};
+use crate::vector::mix;
 
-/// One side of a road outside crossings.
-pub(super) struct Front {
+/// Edge of one side of a road outside crossings.
+pub(super) struct RoadEdge {
     points: Vec<Point>,
-    /// Distance along of each point, metres.
+    /// Distance of each point along the edge, metres.
     along_m: Vec<f64>,
-    /// 1 on the left of the points' order, −1 on its right.
+    /// 1 on the left in the order of the points, −1 on the right.
     side: f64,
-    /// Width of the sidewalk at the edge; 0 without one, metres.
+    /// Width of the sidewalk at the edge, metres; 0 without one.
     pub(super) walk_m: f64,
 }
 
-impl Front {
-    /// Every side of every road that is no part of a crossing.
+impl RoadEdge {
+    /// Both edges of every road that is not part of a crossing.
     pub(super) fn all(network: &RoadNetwork) -> Vec<Self> {
         let mut roads: BTreeMap<&str, Vec<&Lane>> = BTreeMap::new();
         for lane in network.lanes().iter().filter(|lane| !lane.in_junction) {
@@ -35,7 +36,7 @@ impl Front {
         }
         let (mut points, mut walk_m) = (Vec::new(), 0.0_f64);
         for section in by_section.values() {
-            // The lane farthest out; of a road with none on this side, the inmost of the other.
+            // The outermost lane on this side, else the innermost of the other side.
             let outmost = section.iter().max_by_key(|lane| side * lane.id)?;
             points.extend(outmost.ribs.iter().map(|rib| rib[usize::from(side < 0)]));
             if outmost.kind == LaneKind::Sidewalk && outmost.id * side > 0 {
@@ -55,13 +56,13 @@ impl Front {
         self.along_m.last().copied().unwrap_or(0.0)
     }
 
-    /// A frame on the edge, so far along: y away from the road, x along it; z is the road's.
+    /// Frame on the edge at a distance along it: x along the road, y away from it, z of the road.
     pub(super) fn frame(&self, along_m: f64) -> Frame {
         let k = self.along_m.partition_point(|a| *a < along_m).clamp(1, self.points.len() - 1);
         let (p, q) = (self.points[k - 1], self.points[k]);
         let long = (self.along_m[k] - self.along_m[k - 1]).max(1e-9);
         let t = (along_m - self.along_m[k - 1]) / long;
-        let at: Point = std::array::from_fn(|i| p[i] + (q[i] - p[i]) * t);
+        let at = mix(p, q, t);
         let ahead = [(q[0] - p[0]) / long, (q[1] - p[1]) / long];
         let out = [-self.side * ahead[1], self.side * ahead[0]];
         Frame::new(at, libm::atan2(-out[0], out[1]))

@@ -1,4 +1,4 @@
-//! Streets, the ground between them, and the houses round every block.
+//! Grid of streets: the ground between them, and the houses round every block.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -15,31 +15,31 @@ pub(super) const HALF_M: f64 = 78.0;
 /// Height of a kerb, metres.
 const KERB_M: f64 = 0.13;
 
-/// One street: its axis and how wide it is.
+/// Position and width of a street, metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Street {
     pub(super) centre: f64,
-    /// Half the carriageway.
+    /// Half the width of the carriageway.
     pub(super) road: f64,
     /// Half the distance between facades.
     pub(super) front: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Ground {
+pub(super) enum GroundKind {
     Road,
     Walk,
     Block,
 }
 
-pub(super) struct Town {
-    /// Streets along y, by x; streets along x, by y.
+pub(super) struct StreetGrid {
+    /// Streets along y, sorted by x, and streets along x, sorted by y.
     pub(super) streets: [Vec<Street>; 2],
     relief: Noise,
     tilt: [f64; 2],
 }
 
-/// A row of houses: where it starts, its direction, its length.
+/// Row of houses: its start, direction and length.
 #[derive(Clone, Copy, Debug)]
 struct Row {
     start: [f64; 2],
@@ -47,7 +47,7 @@ struct Row {
     length: f64,
 }
 
-impl Town {
+impl StreetGrid {
     pub(super) fn new(seed: u64, rng: &mut Generator) -> Self {
         let longer = rng.index(2);
         let streets = [0, 1].map(|axis| {
@@ -61,34 +61,34 @@ impl Town {
         Self { streets, relief: Noise { seed, scale_m: 60.0, octaves: 2 }, tilt }
     }
 
-    /// Height of the carriageway's level; the town lies on a slight slope.
+    /// Height at the level of the carriageway; the town lies on a slight slope.
     fn level(&self, x: f64, y: f64) -> f64 {
         self.tilt[0] * x + self.tilt[1] * y + 0.3 * self.relief.at(x, y)
     }
 
-    pub(super) fn kind(&self, x: f64, y: f64) -> Ground {
+    pub(super) fn kind(&self, x: f64, y: f64) -> GroundKind {
         let within = |half: fn(&Street) -> f64| {
             let across = [x, y];
             (0..2).any(|a| self.streets[a].iter().any(|s| (across[a] - s.centre).abs() < half(s)))
         };
         if within(|s| s.road) {
-            Ground::Road
+            GroundKind::Road
         } else if within(|s| s.front) {
-            Ground::Walk
+            GroundKind::Walk
         } else {
-            Ground::Block
+            GroundKind::Block
         }
     }
 
     fn height(&self, x: f64, y: f64) -> f64 {
-        self.level(x, y) + if self.kind(x, y) == Ground::Road { 0.0 } else { KERB_M }
+        self.level(x, y) + if self.kind(x, y) == GroundKind::Road { 0.0 } else { KERB_M }
     }
 
     pub(super) fn point(&self, x: f64, y: f64) -> Point {
         [x, y, self.height(x, y)]
     }
 
-    /// Where the ground changes along one axis, refined to cells of a metre or so.
+    /// Grid lines along one axis: where the ground changes, refined to cells of about a metre.
     fn lines(&self, axis: usize) -> Vec<f64> {
         let mut cuts = vec![-HALF_M - 60.0, -HALF_M, HALF_M, HALF_M + 60.0];
         for s in &self.streets[axis] {
@@ -111,10 +111,10 @@ impl Town {
         lines
     }
 
-    /// Flat cells, and a riser wherever two neighbours differ in height: the kerbs.
+    /// Builds flat cells, with a kerb wherever two neighbours differ in height.
     pub(super) fn ground(&self, b: &mut Builder) {
         let [xs, ys] = [self.lines(0), self.lines(1)];
-        let raise = |kind: Ground| if kind == Ground::Road { 0.0 } else { KERB_M };
+        let raise = |kind: GroundKind| if kind == GroundKind::Road { 0.0 } else { KERB_M };
         let middle = |lines: &[f64], k: usize| 0.5 * (lines[k] + lines[k + 1]);
         let kind = |i: usize, j: usize| self.kind(middle(&xs, i), middle(&ys, j));
         let at = |x: f64, y: f64, up: f64| [x, y, self.level(x, y) + up];
@@ -138,7 +138,7 @@ impl Town {
         }
     }
 
-    /// Houses round every block, with a yard in its middle.
+    /// Builds houses round every block, with a yard in its middle.
     pub(super) fn blocks(&self, b: &mut Builder, rng: &mut Generator) {
         let gaps = |axis: usize| {
             let s = &self.streets[axis];
@@ -169,7 +169,7 @@ impl Town {
         self.yard(b, low.map(|x| x + depth + 2.5), high.map(|x| x - depth - 2.5), rng);
     }
 
-    /// What is behind the houses: walls from plot to plot, sheds, trees, a car.
+    /// Builds a yard: walls between the plots, sheds, trees, a car.
     fn yard(&self, b: &mut Builder, low: [f64; 2], high: [f64; 2], rng: &mut Generator) {
         if high[0] - low[0] < 3.0 || high[1] - low[1] < 3.0 {
             return;
@@ -199,7 +199,7 @@ impl Town {
         car(b, &Frame::new(spot(rng), rng.turn()), rng);
     }
 
-    /// Houses wall to wall, with a gap now and then.
+    /// Builds houses wall to wall, with a gap now and then.
     fn terrace(&self, b: &mut Builder, row: Row, depth: f64, rng: &mut Generator) {
         let line = Frame::new([row.start[0], row.start[1], 0.0], row.yaw);
         let mut x = 0.0;
@@ -228,10 +228,10 @@ impl Street {
     }
 }
 
-fn surface(kind: Ground) -> Surface {
+fn surface(kind: GroundKind) -> Surface {
     match kind {
-        Ground::Road => Surface::Asphalt,
-        Ground::Walk => Surface::Paving,
-        Ground::Block => Surface::Gravel,
+        GroundKind::Road => Surface::Asphalt,
+        GroundKind::Walk => Surface::Paving,
+        GroundKind::Block => Surface::Gravel,
     }
 }

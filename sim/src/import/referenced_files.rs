@@ -1,14 +1,12 @@
-//! The files that a mesh names: the buffers of a glTF, and MTL with what it says of an OBJ's
-//! materials.
+//! Files that a mesh names: the buffers of a glTF, and the MTL libraries of an OBJ.
 //!
 //! ```text
 //! newmtl Material.012               a material of an OBJ's usemtl
-//! map_Kd -bm 1 textures/brick.png   its picture, whose name tells the surface
+//! map_Kd -bm 1 textures/brick.png   its texture, by whose name the surface is known
 //! ```
 //!
-//! A mesh may come from anybody, and the files it names are opened on its word: only regular files
-//! below its own folder are, unless asked for, so that a mesh neither reads what its author may not
-//! nor waits for a pipe.
+//! A mesh is untrusted input. By default only regular files below its own folder are opened, so
+//! that a mesh neither reads files that its author could not nor blocks on a pipe.
 
 use std::collections::HashSet;
 use std::fs;
@@ -17,42 +15,42 @@ use std::path::{Component, Path, PathBuf};
 use crate::scene::Surface;
 use echoloop_files::{read_text, shown};
 
-/// Material libraries of a mesh at most.
-const MOST_LIBRARIES: usize = 16;
-/// Names that its `mtllib` lines list at most: each is looked for.
-const MOST_NAMES: usize = 1024;
-/// Bytes of all of them at most.
-const MOST_BYTES: u64 = 16 << 20;
+/// Material libraries of a mesh, at most.
+const MAX_LIBRARIES: usize = 16;
+/// Names on its `mtllib` lines, at most: each is a look-up in the file system.
+const MAX_NAMES: usize = 1024;
+/// Bytes of all its libraries, at most.
+const MAX_BYTES: u64 = 16 << 20;
 
-/// Which files a mesh may name: an OBJ's material libraries, which are a hint, so that one that is
-/// not there is no fault; a glTF's buffers.
+/// Files that a mesh may open: the material libraries of an OBJ, where a missing one is no fault,
+/// and the buffers of a glTF.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Libraries {
-    /// Files in its own folder and below.
+    /// Files in the folder of the mesh and below.
     #[default]
     Beside,
     /// Regular files anywhere.
     Anywhere,
-    /// None is opened.
+    /// No file.
     None,
 }
 
-/// Opens the libraries of one mesh.
-pub(super) struct Shelf<'a> {
+/// Opens the files of one mesh.
+pub(super) struct ReferencedFiles<'a> {
     folder: &'a Path,
     which: Libraries,
-    asked: HashSet<String>,
+    requested: HashSet<String>,
     opened: HashSet<PathBuf>,
     bytes: u64,
 }
 
-impl<'a> Shelf<'a> {
-    /// For a mesh in a folder.
+impl<'a> ReferencedFiles<'a> {
+    /// Files for a mesh in `folder`.
     pub(super) fn new(folder: &'a Path, which: Libraries) -> Self {
-        Self { folder, which, asked: HashSet::new(), opened: HashSet::new(), bytes: 0 }
+        Self { folder, which, requested: HashSet::new(), opened: HashSet::new(), bytes: 0 }
     }
 
-    /// Surfaces of the materials that an `mtllib` line's files tell.
+    /// Surfaces of materials, from the files of an `mtllib` line.
     pub(super) fn open(&mut self, names: &str) -> Result<Vec<(String, Surface)>, String> {
         if self.which == Libraries::None || names.is_empty() {
             return Ok(Vec::new());
@@ -66,14 +64,14 @@ impl<'a> Shelf<'a> {
         Ok(found)
     }
 
-    /// The files that [`Shelf::open`] reads.
+    /// Paths that [`ReferencedFiles::open`] would read.
     pub(super) fn files(&mut self, names: &str) -> Vec<PathBuf> {
         let is_open = self.which != Libraries::None && !names.is_empty();
         let names = if is_open { self.names(names) } else { Vec::new() };
         names.into_iter().filter_map(|name| self.find(name).ok().flatten()).collect()
     }
 
-    /// One name with blanks, as some programs write it, or several without.
+    /// Names on an `mtllib` line: a single one with blanks, if that file exists, or several.
     fn names<'n>(&self, names: &'n str) -> Vec<&'n str> {
         let has_blanks = names.contains(char::is_whitespace);
         match !has_blanks || self.folder.join(names).exists() {
@@ -82,47 +80,47 @@ impl<'a> Shelf<'a> {
         }
     }
 
-    /// Whether a name has not been asked for before: some programs write it before each object.
-    fn is_new(&mut self, name: &str) -> Result<bool, String> {
-        if self.asked.contains(name) {
+    /// True on the first request of a name: some programs repeat it before each object.
+    fn is_first_request(&mut self, name: &str) -> Result<bool, String> {
+        if self.requested.contains(name) {
             return Ok(false);
         }
-        if self.asked.len() == MOST_NAMES {
-            return Err(format!("mtllib {:?} is one of more than {MOST_NAMES} names", shown(name)));
+        if self.requested.len() == MAX_NAMES {
+            return Err(format!("mtllib {:?} is one of more than {MAX_NAMES} names", shown(name)));
         }
-        Ok(self.asked.insert(name.to_owned()))
+        Ok(self.requested.insert(name.to_owned()))
     }
 
-    /// Where a library lies that may be read and has not been; `None` where there is none.
+    /// Path of a library that is allowed and not yet read; `None` where there is none.
     fn find(&mut self, name: &str) -> Result<Option<PathBuf>, String> {
-        if !self.is_new(name)? {
+        if !self.is_first_request(name)? {
             return Ok(None);
         }
-        let Some(path) = self.place("mtllib", name)? else { return Ok(None) };
-        if self.opened.len() == MOST_LIBRARIES && !self.opened.contains(&path) {
-            return Err(format!("mtllib {:?} is one of more than {MOST_LIBRARIES}", shown(name)));
+        let Some(path) = self.resolve("mtllib", name)? else { return Ok(None) };
+        if self.opened.len() == MAX_LIBRARIES && !self.opened.contains(&path) {
+            return Err(format!("mtllib {:?} is one of more than {MAX_LIBRARIES}", shown(name)));
         }
         Ok(self.opened.insert(path.clone()).then_some(path))
     }
 
-    /// The file that a name means, if there is one and the mesh may name it.
-    fn place(&self, what: &str, name: &str) -> Result<Option<PathBuf>, String> {
-        let elsewhere = || {
+    /// Path of a name, if the file exists and the mesh may open it.
+    fn resolve(&self, what: &str, name: &str) -> Result<Option<PathBuf>, String> {
+        let outside_folder = || {
             let name = shown(name);
             Err(format!(
-                "{what} {name:?} lies in another folder than the mesh: it is read with \
-                 scene.libraries = \"anywhere\", and with \"none\" no library is"
+                "{what} {name:?} lies in another folder than the mesh: scene.libraries = \
+                 \"anywhere\" reads it, and \"none\" reads no library"
             ))
         };
         let is_below = |part| matches!(part, Component::Normal(_) | Component::CurDir);
         if self.which == Libraries::Beside && !Path::new(name).components().all(is_below) {
-            return elsewhere();
+            return outside_folder();
         }
         let Ok(path) = fs::canonicalize(self.folder.join(name)) else { return Ok(None) };
         // A link may lead elsewhere too.
         let home = fs::canonicalize(self.folder).unwrap_or_default();
         if self.which == Libraries::Beside && !path.starts_with(home) {
-            return elsewhere();
+            return outside_folder();
         }
         match fs::metadata(&path).is_ok_and(|found| found.is_file()) {
             true => Ok(Some(path)),
@@ -130,14 +128,14 @@ impl<'a> Shelf<'a> {
         }
     }
 
-    /// The bytes of a buffer that a glTF names. Without it there is no mesh, so that one that is
-    /// not there is a fault.
+    /// Bytes of a buffer of a glTF. A missing buffer is an error, because there is no mesh without
+    /// it.
     pub(super) fn buffer(&mut self, uri: &str) -> Result<Vec<u8>, String> {
         let path = self.buffer_file(uri)?;
         fs::read(&path).map_err(|error| format!("buffer {:?}: {error}", shown(uri)))
     }
 
-    /// Where it lies.
+    /// Path of a buffer of a glTF.
     pub(super) fn buffer_file(&mut self, uri: &str) -> Result<PathBuf, String> {
         let name = shown(uri);
         if self.which == Libraries::None {
@@ -148,31 +146,31 @@ impl<'a> Shelf<'a> {
         if path.contains(':') {
             return Err(format!("buffer {name:?} is no file beside the mesh"));
         }
-        if self.asked.len() == MOST_NAMES {
-            return Err(format!("buffer {name:?} is one of more than {MOST_NAMES}"));
+        if self.requested.len() == MAX_NAMES {
+            return Err(format!("buffer {name:?} is one of more than {MAX_NAMES}"));
         }
-        self.asked.insert(uri.to_owned());
-        self.place("buffer", &path)?.ok_or_else(|| format!("buffer {name:?} is not there"))
+        self.requested.insert(uri.to_owned());
+        self.resolve("buffer", &path)?.ok_or_else(|| format!("buffer {name:?} is not there"))
     }
 
     fn read(&mut self, path: &Path, name: &str) -> Result<Vec<(String, Surface)>, String> {
         let named = |what: &dyn std::fmt::Display| format!("mtllib {:?}: {what}", shown(name));
         self.bytes += fs::metadata(path).map_err(|error| named(&error))?.len();
-        if self.bytes > MOST_BYTES {
-            let most = MOST_BYTES >> 20;
+        if self.bytes > MAX_BYTES {
+            let most = MAX_BYTES >> 20;
             return Err(named(&format_args!("all of the mesh have more than {most} MB")));
         }
-        Ok(surfaces(&read_text(path, MOST_BYTES).map_err(|error| named(&error))?))
+        Ok(surfaces(&read_text(path, MAX_BYTES).map_err(|error| named(&error))?))
     }
 }
 
-/// First word of a line, and what follows it.
+/// First word of a line, and the rest of it.
 pub(super) fn keyword(line: &str) -> (&str, &str) {
     let line = line.trim();
     line.split_once(char::is_whitespace).map_or((line, ""), |(word, rest)| (word, rest.trim()))
 }
 
-/// The path that a URI means: "two%20words.bin".
+/// Path of a percent-encoded URI: "two%20words.bin".
 fn decoded(uri: &str) -> Option<String> {
     let mut bytes = Vec::new();
     let mut parts = uri.split('%');
@@ -184,24 +182,23 @@ fn decoded(uri: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-/// What a library tells: surfaces of materials, by the name of the material's last picture that
-/// tells one.
+/// Surfaces of the materials of an MTL library, by the last texture of each whose name is known.
 #[must_use]
 pub fn surfaces(text: &str) -> Vec<(String, Surface)> {
     let mut found: Vec<(String, Surface)> = Vec::new();
-    let (mut material, mut is_told) = ("", false);
+    let (mut material, mut has_surface) = ("", false);
     for line in text.lines() {
         let (keyword, rest) = keyword(line);
         match keyword {
-            "newmtl" => (material, is_told) = (rest, false),
+            "newmtl" => (material, has_surface) = (rest, false),
             "map_Kd" if !material.is_empty() => {
-                let Some(surface) = pictured(rest) else { continue };
-                // A name may be as long as the file: it is kept once, whatever follows it.
+                let Some(surface) = texture_surface(rest) else { continue };
+                // A name may be as long as the file, so it is kept only once.
                 match found.last_mut() {
-                    Some((_, last)) if is_told => *last = surface,
+                    Some((_, last)) if has_surface => *last = surface,
                     _ => found.push((material.to_owned(), surface)),
                 }
-                is_told = true;
+                has_surface = true;
             }
             _ => {}
         }
@@ -209,8 +206,8 @@ pub fn surfaces(text: &str) -> Vec<(String, Surface)> {
     found
 }
 
-/// The surface that a `map_Kd` line's picture tells; options come first, the file's name last.
-fn pictured(words: &str) -> Option<Surface> {
+/// Surface by the texture of a `map_Kd` line; the name of the file is its last word.
+fn texture_surface(words: &str) -> Option<Surface> {
     Surface::from_loose_name(words.rsplit(['/', '\\']).next().unwrap_or_default())
 }
 
@@ -220,7 +217,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_picture_tells_the_surface_of_a_material_without_a_telling_name() {
+    fn a_texture_names_the_surface_of_a_material_without_a_known_name() {
         let text = "# a\nnewmtl Material.012\n\tKd 0.5\nmap_Kd -bm 1 ..\\tex/red_brick.png\n\
                     newmtl two words\nmap_Kd x.png\nNs\nnewmtl\nmap_Kd glass.png\n";
         assert_eq!(surfaces(text), [("Material.012".to_owned(), Surface::Brick)]);
@@ -228,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_picture_of_a_material_counts_and_its_name_is_kept_once() {
+    fn the_last_texture_of_a_material_counts_and_its_name_is_kept_once() {
         let name = "a".repeat(1 << 20);
         let pictures = "map_Kd brick.png\n".repeat(100_000);
         let text = format!("newmtl {name}\n{pictures}map_Kd x.png\nmap_Kd glass.png\nnewmtl b\n");
@@ -246,21 +243,22 @@ mod tests {
     }
 
     #[test]
-    fn libraries_below_the_meshes_folder_are_read_once_and_missing_ones_passed_over() {
+    fn libraries_below_the_folder_of_the_mesh_are_read_once_and_missing_ones_skipped() {
         let outer = folders();
         let home = outer.path().join("mesh");
-        let files = Shelf::new(&home, Libraries::Beside).files("in.mtl lost.mtl below/deep.mtl");
+        let files =
+            ReferencedFiles::new(&home, Libraries::Beside).files("in.mtl lost.mtl below/deep.mtl");
         let paths =
             ["in.mtl", "below/deep.mtl"].map(|name| home.join(name).canonicalize().unwrap());
         assert_eq!(files, paths);
-        assert!(Shelf::new(&home, Libraries::None).files("in.mtl").is_empty());
-        let mut shelf = Shelf::new(&home, Libraries::Beside);
+        assert!(ReferencedFiles::new(&home, Libraries::None).files("in.mtl").is_empty());
+        let mut files = ReferencedFiles::new(&home, Libraries::Beside);
         let known = [("a".to_owned(), Surface::Brick)];
         for name in ["in.mtl", "two words.mtl", "lost.mtl ./below/deep.mtl"] {
-            assert_eq!(shelf.open(name).unwrap(), known, "{name}");
+            assert_eq!(files.open(name).unwrap(), known, "{name}");
         }
-        assert_eq!(shelf.open("in.mtl lost.mtl").unwrap(), []);
-        assert_eq!(shelf.open("").unwrap(), []);
+        assert_eq!(files.open("in.mtl lost.mtl").unwrap(), []);
+        assert_eq!(files.open("").unwrap(), []);
     }
 
     #[test]
@@ -271,22 +269,22 @@ mod tests {
         #[cfg(unix)]
         std::os::unix::fs::symlink("../out.mtl", home.join("link.mtl")).unwrap();
         for name in ["../out.mtl", "below/../../out.mtl", &absolute, "link.mtl", "/dev/zero"] {
-            let said = Shelf::new(&home, Libraries::Beside).open(name).unwrap_err();
+            let said = ReferencedFiles::new(&home, Libraries::Beside).open(name).unwrap_err();
             assert!(said.contains("another folder"), "{name}: {said}");
-            assert_eq!(Shelf::new(&home, Libraries::None).open(name).unwrap(), []);
+            assert_eq!(ReferencedFiles::new(&home, Libraries::None).open(name).unwrap(), []);
         }
         for name in ["../out.mtl", &absolute, "link.mtl"] {
-            let found = Shelf::new(&home, Libraries::Anywhere).open(name).unwrap();
+            let found = ReferencedFiles::new(&home, Libraries::Anywhere).open(name).unwrap();
             assert_eq!(found, [("a".to_owned(), Surface::Brick)], "{name}");
         }
     }
 
     #[test]
-    fn a_buffer_is_a_file_below_the_meshes_folder_and_must_be_there() {
+    fn a_buffer_is_a_file_below_the_folder_of_the_mesh_and_must_exist() {
         let outer = folders();
         let home = outer.path().join("mesh");
         fs::write(home.join("a b.bin"), "12").unwrap();
-        let open = |which, uri: &str| Shelf::new(&home, which).buffer(uri);
+        let open = |which, uri: &str| ReferencedFiles::new(&home, which).buffer(uri);
         assert_eq!(open(Libraries::Beside, "a%20b.bin"), Ok(b"12".to_vec()));
         assert_eq!(open(Libraries::Anywhere, "below/../a b.bin"), Ok(b"12".to_vec()));
         let table = [
@@ -309,16 +307,16 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn what_is_no_regular_file_is_not_opened() {
+    fn only_regular_files_are_opened() {
         let outer = folders();
         let home = outer.path().join("mesh");
-        let said = Shelf::new(&home, Libraries::Anywhere).open("/dev/zero").unwrap_err();
+        let said = ReferencedFiles::new(&home, Libraries::Anywhere).open("/dev/zero").unwrap_err();
         assert!(said.contains("no regular file"), "{said}");
         let made = std::process::Command::new("mkfifo").arg(home.join("pipe.mtl")).status();
         assert!(made.is_ok_and(|made| made.success()));
-        let said = Shelf::new(&home, Libraries::Beside).open("pipe.mtl").unwrap_err();
+        let said = ReferencedFiles::new(&home, Libraries::Beside).open("pipe.mtl").unwrap_err();
         assert!(said.contains("no regular file"), "{said}");
-        let said = Shelf::new(&home, Libraries::Beside).open("below").unwrap_err();
+        let said = ReferencedFiles::new(&home, Libraries::Beside).open("below").unwrap_err();
         assert!(said.contains("no regular file"), "{said}");
     }
 
@@ -330,16 +328,22 @@ mod tests {
             fs::write(home.path().join(format!("{i}.mtl")), "").unwrap();
             names += &format!("{i}.mtl ");
         }
-        let said = Shelf::new(home.path(), Libraries::Beside).open(&names).unwrap_err();
+        let said = ReferencedFiles::new(home.path(), Libraries::Beside).open(&names).unwrap_err();
         assert_eq!(said, "mtllib \"16.mtl\" is one of more than 16");
         let big = fs::File::create(home.path().join("big.mtl")).unwrap();
-        big.set_len(MOST_BYTES + 1).unwrap();
-        let said = Shelf::new(home.path(), Libraries::Beside).open("big.mtl").unwrap_err();
+        big.set_len(MAX_BYTES + 1).unwrap();
+        let said =
+            ReferencedFiles::new(home.path(), Libraries::Beside).open("big.mtl").unwrap_err();
         assert!(said.contains("more than 16 MB"), "{said}");
-        let absent: Vec<String> = (0..=MOST_NAMES).map(|i| format!("x{i}.mtl")).collect();
-        let said = Shelf::new(home.path(), Libraries::Beside).open(&absent.join(" ")).unwrap_err();
+        let absent: Vec<String> = (0..=MAX_NAMES).map(|i| format!("x{i}.mtl")).collect();
+        let said = ReferencedFiles::new(home.path(), Libraries::Beside)
+            .open(&absent.join(" "))
+            .unwrap_err();
         assert_eq!(said, "mtllib \"x1024.mtl\" is one of more than 1024 names");
-        let again = "x.mtl ".repeat(MOST_NAMES + 1);
-        assert_eq!(Shelf::new(home.path(), Libraries::Beside).open(&again), Ok(Vec::new()));
+        let again = "x.mtl ".repeat(MAX_NAMES + 1);
+        assert_eq!(
+            ReferencedFiles::new(home.path(), Libraries::Beside).open(&again),
+            Ok(Vec::new())
+        );
     }
 }

@@ -1,4 +1,8 @@
-//! Nine towns under stable names: three kinds of country, three of each, CARLA's roads among them.
+//! Nine named towns, three of each kind of scene, some on CARLA's roads.
+//!
+//! CARLA publishes the road networks of its towns as files, and the buildings only as assets of its
+//! simulator. So the surroundings are generated here: a name stands for the same bytes on every
+//! machine.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -7,36 +11,36 @@ use std::str::FromStr;
 use thiserror::Error;
 
 use super::landscape::{self, Landscape};
-use super::town::{self, Dress};
+use super::town::{self, Dressing};
 use super::{Placement, Scene, SceneKind};
 use crate::roads::{NetworkStyle, RoadFault, RoadNetwork, RoadsError, draw_network, load_network};
 
-/// A town on roads is no wider than this, metres: one scan sees 120 m.
-const MOST_SIDE_M: f64 = 2500.0;
+/// Largest side of a town on roads, metres: one scan sees 120 m.
+const MAX_SIDE_M: f64 = 2500.0;
 
-/// It reaches no farther from its origin, metres: as far as an imported place.
-const MOST_REACH_M: f64 = 5000.0;
+/// Largest distance from its origin, metres: as for an imported place.
+const MAX_REACH_M: f64 = 5000.0;
 
-/// From place to place where a sensor may drive, metres.
+/// Distance between the places of sensors on roads, metres.
 const ROAD_STEP_M: f64 = 1.0;
 
-/// Where CARLA's files come from.
+/// Source of CARLA's files.
 const ORIGIN: &str = "github.com/BerkeleyLearnVerify/Scenic, folder assets/maps/CARLA";
 
-/// The towns.
+/// A named town.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Town {
     /// CARLA's small town.
     Town01,
     /// CARLA's downtown.
     Town10Hd,
-    /// An irregular grid of streets, ours.
+    /// An irregular grid of streets, generated.
     OldTown,
     /// CARLA's village among fields.
     Town07,
-    /// Curved lanes with dead ends, ours.
+    /// Curved lanes with dead ends, generated.
     GardenSuburb,
-    /// Lanes without sidewalks on a slope, ours.
+    /// Lanes without sidewalks on a slope, generated.
     Hillside,
     /// Woods on hills.
     ForestHills,
@@ -46,12 +50,12 @@ pub enum Town {
     LakeShore,
 }
 
-/// What a town stands on.
-enum Base {
-    /// A file of CARLA's.
+/// Source of a town.
+enum TownSource {
+    /// Road network in a file of CARLA's.
     Carla(&'static str),
-    Ours(NetworkStyle, u64),
-    Land(Landscape, u64),
+    Generated(NetworkStyle, u64),
+    Landscape(Landscape, u64),
 }
 
 impl Town {
@@ -68,7 +72,7 @@ impl Town {
         Self::LakeShore,
     ];
 
-    /// The name on the command line and in reports.
+    /// Name on the command line and in reports.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -84,7 +88,7 @@ impl Town {
         }
     }
 
-    /// Which of the paper's environments it is.
+    /// Environment of the paper that it belongs to.
     #[must_use]
     pub const fn kind(self) -> SceneKind {
         match self {
@@ -94,41 +98,41 @@ impl Town {
         }
     }
 
-    /// The three of a kind.
+    /// The three towns of a kind.
     #[must_use]
     pub fn of_kind(kind: SceneKind) -> [Self; 3] {
         let first = 3 * kind as usize;
         [0, 1, 2].map(|k| Self::ALL[first + k])
     }
 
-    const fn base(self) -> Base {
+    const fn source(self) -> TownSource {
         match self {
-            Self::Town01 => Base::Carla("Town01.xodr"),
-            Self::Town10Hd => Base::Carla("Town10HD.xodr"),
-            Self::OldTown => Base::Ours(NetworkStyle::Grid, 1),
-            Self::Town07 => Base::Carla("Town07.xodr"),
-            Self::GardenSuburb => Base::Ours(NetworkStyle::Suburb, 1),
-            Self::Hillside => Base::Ours(NetworkStyle::Hillside, 1),
-            Self::ForestHills => Base::Land(Landscape::Forest, 1),
-            Self::RockyValley => Base::Land(Landscape::Valley, 1),
-            Self::LakeShore => Base::Land(Landscape::Lake, 1),
+            Self::Town01 => TownSource::Carla("Town01.xodr"),
+            Self::Town10Hd => TownSource::Carla("Town10HD.xodr"),
+            Self::OldTown => TownSource::Generated(NetworkStyle::Grid, 1),
+            Self::Town07 => TownSource::Carla("Town07.xodr"),
+            Self::GardenSuburb => TownSource::Generated(NetworkStyle::Suburb, 1),
+            Self::Hillside => TownSource::Generated(NetworkStyle::Hillside, 1),
+            Self::ForestHills => TownSource::Landscape(Landscape::Forest, 1),
+            Self::RockyValley => TownSource::Landscape(Landscape::Valley, 1),
+            Self::LakeShore => TownSource::Landscape(Landscape::Lake, 1),
         }
     }
 
-    /// The file it stands on: of CARLA's towns alone, below the folder that `ECHOLOOP_DATA` names.
+    /// File of its roads below the folder `ECHOLOOP_DATA`, for the towns of CARLA only.
     #[must_use]
     pub fn file(self, data: Option<&Path>) -> Option<PathBuf> {
-        match self.base() {
-            Base::Carla(name) => data.map(|data| data.join("carla_xodr").join(name)),
+        match self.source() {
+            TownSource::Carla(name) => data.map(|data| data.join("carla_xodr").join(name)),
             _ => None,
         }
     }
 
-    /// The text of its roads as OpenDRIVE, of ours alone.
+    /// Text of its roads as OpenDRIVE, for generated networks only.
     #[must_use]
     pub fn drawn(self) -> Option<String> {
-        match self.base() {
-            Base::Ours(style, seed) => Some(draw_network(style, seed)),
+        match self.source() {
+            TownSource::Generated(style, seed) => Some(draw_network(style, seed)),
             _ => None,
         }
     }
@@ -148,7 +152,7 @@ impl FromStr for Town {
     }
 }
 
-/// Not the name of a [`Town`].
+/// Error of a name that is no [`Town`].
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[error(
     "expected town01, town10hd, old-town, town07, garden-suburb, hillside, forest-hills, \
@@ -156,14 +160,13 @@ impl FromStr for Town {
 )]
 pub struct UnknownTown;
 
-/// Why there is no town.
+/// Why a town cannot be built.
 #[derive(Debug, Error)]
 pub enum TownError {
-    /// It stands on a file that is not there.
+    /// The file of its roads is missing.
     #[error(
-        "{town} stands on CARLA's roads, and {} is not there: ECHOLOOP_DATA names the folder in \
-         which carla_xodr/{file} lies; it is from {ORIGIN}, or give any road network: --scene \
-         FILE.xodr",
+        "{town} needs CARLA's roads, and {} is missing: set ECHOLOOP_DATA to the folder with \
+         carla_xodr/{file} (from {ORIGIN}), or use any road network: --scene FILE.xodr",
         found.as_ref().map_or_else(|| file.to_string(), |path| path.display().to_string())
     )]
     NoFile {
@@ -171,7 +174,7 @@ pub enum TownError {
         town: Town,
         /// The file's name.
         file: &'static str,
-        /// Where it was looked for; none where no folder is known.
+        /// Path that was tried; `None` where no folder is known.
         found: Option<PathBuf>,
     },
     /// The road network cannot be read.
@@ -182,33 +185,35 @@ pub enum TownError {
     Unfit {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         fault: RoadFault,
     },
-    /// Unstructured country has no roads.
+    /// Unstructured scenes have no roads.
     #[error("a road network is dressed as structured or semi-structured, not as unstructured")]
     Dress,
 }
 
-/// Builds one of the nine; `data` is the folder of CARLA's files, which `ECHOLOOP_DATA` names.
+/// Builds a named town; `data` is the folder of CARLA's files, from `ECHOLOOP_DATA`.
 ///
 /// # Errors
 ///
-/// [`TownError`], of CARLA's towns alone.
+/// [`TownError`], for the towns of CARLA only.
 pub fn build_town(town: Town, data: Option<&Path>) -> Result<Scene, TownError> {
     let name = town.name().to_owned();
-    let of_roads = |network: &RoadNetwork| dressed(name.clone(), network, town.kind(), 1);
-    match town.base() {
-        Base::Land(landscape, seed) => {
+    let of_roads = |network: &RoadNetwork| build_on_roads(name.clone(), network, town.kind(), 1);
+    match town.source() {
+        TownSource::Landscape(landscape, seed) => {
             let (mesh, area) = landscape::build(landscape, seed);
             Ok(Scene::new(name, mesh, area))
         }
-        Base::Ours(..) => of_roads(&ours(town, &town.drawn().unwrap_or_default())?),
-        Base::Carla(file) => {
+        TownSource::Generated(..) => {
+            of_roads(&parse_generated(town, &town.drawn().unwrap_or_default())?)
+        }
+        TownSource::Carla(file) => {
             let found = town.file(data);
             let path = found.clone().filter(|path| path.is_file());
             let path = path.ok_or(TownError::NoFile { town, file, found })?;
-            of_roads(&load_fit(&path)?)
+            of_roads(&load_bounded(&path)?)
         }
     }
 }
@@ -218,43 +223,43 @@ pub fn build_town(town: Town, data: Option<&Path>) -> Result<Scene, TownError> {
 /// # Errors
 ///
 /// [`TownError`].
-pub fn load_town(path: &Path, dress: SceneKind, seed: u64) -> Result<Scene, TownError> {
-    let network = load_fit(path)?;
-    dressed(network.name.clone(), &network, dress, seed)
+pub fn load_town(path: &Path, dressing: SceneKind, seed: u64) -> Result<Scene, TownError> {
+    let network = load_bounded(path)?;
+    build_on_roads(network.name.clone(), &network, dressing, seed)
 }
 
-/// A network that a town can be built on.
-fn load_fit(path: &Path) -> Result<RoadNetwork, TownError> {
+/// Loads a network within the limits of a town.
+fn load_bounded(path: &Path) -> Result<RoadNetwork, TownError> {
     let network = load_network(path)?;
     let (low, high) = network.bounds();
     let side_m = (0..2).map(|i| high[i] - low[i]).fold(0.0, f64::max);
-    let fault = match (network.check_reach(MOST_REACH_M), side_m <= MOST_SIDE_M) {
+    let fault = match (network.check_reach(MAX_REACH_M), side_m <= MAX_SIDE_M) {
         (Ok(()), true) => return Ok(network),
         (Err(fault), _) => fault,
         (_, false) => RoadFault::Format(format!(
-            "it is {side_m:.0} m wide, more than {MOST_SIDE_M:.0} m: cut out a part of it"
+            "it is {side_m:.0} m wide, more than {MAX_SIDE_M:.0} m: cut out a part of it"
         )),
     };
     Err(TownError::Unfit { path: path.into(), fault })
 }
 
-fn ours(town: Town, text: &str) -> Result<RoadNetwork, RoadsError> {
+fn parse_generated(town: Town, text: &str) -> Result<RoadNetwork, RoadsError> {
     RoadNetwork::parse(town.name(), text)
         .map_err(|fault| RoadsError::Malformed { path: town.name().into(), fault })
 }
 
-fn dressed(
+fn build_on_roads(
     name: String,
     network: &RoadNetwork,
     kind: SceneKind,
     seed: u64,
 ) -> Result<Scene, TownError> {
-    let dress = match kind {
-        SceneKind::Structured => Dress::Quarter,
-        SceneKind::SemiStructured => Dress::Suburb,
+    let dressing = match kind {
+        SceneKind::Structured => Dressing::Quarter,
+        SceneKind::SemiStructured => Dressing::Suburb,
         SceneKind::Unstructured => return Err(TownError::Dress),
     };
-    let town::Built { mesh, area, movers } = town::build(network, dress, seed);
+    let town::BuiltTown { mesh, area, movers } = town::build(network, dressing, seed);
     let driven = network.waypoints(ROAD_STEP_M).into_iter();
     let roads = driven.map(|way| Placement { at: way.at, heading_rad: way.heading_rad }).collect();
     Ok(Scene { roads, movers, ..Scene::new(name, mesh, area) })
@@ -283,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn a_town_of_carlas_without_its_file_says_which_and_where_from() {
+    fn a_missing_file_of_carla_is_named_with_its_source() {
         let said = build_town(Town::Town07, None).expect_err("no folder").to_string();
         assert!(
             said.contains("ECHOLOOP_DATA") && said.contains("carla_xodr/Town07.xodr"),
@@ -291,11 +296,11 @@ mod tests {
         );
         let empty = tempfile::tempdir().expect("a folder");
         let said = build_town(Town::Town01, Some(empty.path())).expect_err("no file").to_string();
-        assert!(said.contains("carla_xodr/Town01.xodr is not there"), "{said}");
+        assert!(said.contains("carla_xodr/Town01.xodr is missing"), "{said}");
     }
 
     #[test]
-    fn a_town_is_built_on_no_more_than_a_town() {
+    fn a_network_larger_than_a_town_is_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("roads.xodr");
         let said = |[x, length]: [&str; 2]| {
@@ -341,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn a_town_of_each_kind_has_places_for_pairs() {
+    fn a_town_of_each_kind_has_viewpoints_for_pairs() {
         for town in [Town::OldTown, Town::GardenSuburb, Town::RockyValley] {
             pairs_are_found(town, None, [3, 8]);
         }
@@ -349,17 +354,17 @@ mod tests {
 
     #[test]
     #[ignore = "the table of docs/data.md: minutes without optimisation"]
-    fn all_nine_have_places_for_ten_and_a_hundred_pairs() {
+    fn all_nine_have_viewpoints_for_ten_and_a_hundred_pairs() {
         let data = echoloop_needs::data_folder("three of the nine towns");
         for town in Town::ALL {
-            if data.is_some() || !matches!(town.base(), Base::Carla(_)) {
+            if data.is_some() || !matches!(town.source(), TownSource::Carla(_)) {
                 pairs_are_found(town, data.as_deref(), [10, 100]);
             }
         }
     }
 
     #[test]
-    fn towns_of_ours_are_the_bytes_that_are_pinned() {
+    fn generated_towns_are_the_pinned_bytes() {
         let towns = [Town::OldTown, Town::Hillside, Town::ForestHills, Town::LakeShore];
         let found = towns.map(|town| fingerprint(&build_town(town, None).expect("ours").mesh));
         let pinned = [

@@ -1,55 +1,56 @@
-//! What colour a ray of a picture brings back: sun, sky, and the sun's shadows.
+//! Shading of rays: sun, sky, shadows and haze.
 
 use std::array::from_fn;
 
+use super::camera::Camera;
 use super::colour::colour;
-use super::eye::Eye;
 use crate::raycast::{Hit, Raycaster};
 use crate::scene::{Mesh, Scene};
+use crate::vector::{cross, dot, mix, sub};
 
-/// Red, green and blue, proportional to light.
+/// Red, green and blue in linear light.
 pub(super) type Linear = [f32; 3];
 
-/// Light of the sun on what faces it, of the sky on what faces up, and of the ground on what faces
-/// down; together some 1 on a level lawn.
+/// Light of the sun on a surface facing it, of the sky on one facing up, of the ground on one
+/// facing down; about 1 in all on a level lawn.
 const SUN: Linear = [0.78, 0.74, 0.66];
 const SKY: Linear = [0.36, 0.40, 0.46];
 const GROUND: Linear = [0.19, 0.18, 0.16];
 
-/// The sky's own colour, linear: at a picture's horizon, and straight up.
+/// Colours of the sky at the horizon and at the zenith, linear.
 const HORIZON: Linear = [0.78, 0.84, 0.90];
 const ZENITH: Linear = [0.40, 0.58, 0.82];
 
-/// Things as far off as the eye's distance have lost so much of their colour to the air.
+/// Share of its colour that a surface at the distance of the subject loses to haze.
 const HAZE: f32 = 0.04;
 
-/// A scene as an eye sees it.
-pub(super) struct Sight<'a> {
+/// Shades the rays of a camera in a scene.
+pub(super) struct Shader<'a> {
     mesh: &'a Mesh,
     caster: &'a Raycaster,
-    /// Of each material.
+    /// Colours of the materials.
     colours: Vec<Linear>,
     from: [f32; 3],
     distance_m: f32,
-    /// To the sun, unit.
+    /// Direction to the sun, unit.
     sun: [f32; 3],
 }
 
-impl<'a> Sight<'a> {
-    pub(super) fn new(scene: &'a Scene, caster: &'a Raycaster, eye: &Eye) -> Self {
+impl<'a> Shader<'a> {
+    pub(super) fn new(scene: &'a Scene, caster: &'a Raycaster, camera: &Camera) -> Self {
         let linear = |code: u8| decoded(f32::from(code) / 255.0);
         Self {
             mesh: &scene.mesh,
             caster,
             colours: scene.materials.iter().map(|m| colour(m.name).map(linear)).collect(),
-            from: eye.at,
-            distance_m: eye.distance_m as f32,
-            // From behind the left shoulder, so that of a box all three faces differ.
-            sun: eye.towards([-0.85, 0.95, 0.35]),
+            from: camera.at,
+            distance_m: camera.distance_m as f32,
+            // From behind the left shoulder, so that the three faces of a box differ.
+            sun: camera.towards([-0.85, 0.95, 0.35]),
         }
     }
 
-    /// What each of some rays from the eye brings.
+    /// Light along each of some rays from the camera.
     pub(super) fn along(&self, directions: &[[f32; 3]]) -> Vec<Linear> {
         let hits = self.caster.cast_beam(self.from, directions);
         let light = |(hit, &direction): (Option<Hit>, &[f32; 3])| match hit {
@@ -62,7 +63,7 @@ impl<'a> Sight<'a> {
     fn of_surface(&self, hit: &Hit, direction: [f32; 3]) -> Linear {
         let normal = facing(self.mesh.corners(hit.triangle as usize), direction);
         let towards_sun = dot(normal, self.sun).max(0.0);
-        // A little off the surface, more where numbers are coarse: else it would shade itself.
+        // Start off the surface, by more than f32 rounds, so that it casts no shadow on itself.
         let off_m = 1e-3 + 1e-5 * hit.range_m;
         let at = from_fn(|i| self.from[i] + hit.range_m * direction[i] + off_m * normal[i]);
         let is_lit = towards_sun > 0.0 && self.caster.cast(at, self.sun).is_none();
@@ -71,14 +72,13 @@ impl<'a> Sight<'a> {
         let seen: Linear =
             from_fn(|i| own[i] * (sun * SUN[i] + up * SKY[i] + (1.0 - up) * GROUND[i]));
         let haze = (HAZE * hit.range_m / self.distance_m).min(1.0);
-        from_fn(|i| seen[i] + haze * (HORIZON[i] - seen[i]))
+        mix(seen, HORIZON, haze)
     }
 }
 
-/// A triangle's normal, unit, on the side that a ray comes from; up for one without area.
+/// Unit normal of a triangle on the side a ray comes from; up for a triangle without area.
 fn facing([a, b, c]: [[f32; 3]; 3], direction: [f32; 3]) -> [f32; 3] {
-    let (e, f): ([f32; 3], [f32; 3]) = (from_fn(|i| b[i] - a[i]), from_fn(|i| c[i] - a[i]));
-    let normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
+    let normal = cross(sub(b, a), sub(c, a));
     let length = dot(normal, normal).sqrt();
     if length == 0.0 {
         return [0.0, 0.0, 1.0];
@@ -87,13 +87,13 @@ fn facing([a, b, c]: [[f32; 3]; 3], direction: [f32; 3]) -> [f32; 3] {
     normal.map(|part| side * part / length)
 }
 
-/// From the horizon, and what lies below it, up.
+/// Colour of the sky from the horizon up; below the horizon as at it.
 fn sky(direction: [f32; 3]) -> Linear {
     let height = (0.5 + direction[2]).clamp(0.0, 1.0);
-    from_fn(|i| HORIZON[i] + height * (ZENITH[i] - HORIZON[i]))
+    mix(HORIZON, ZENITH, height)
 }
 
-/// The middle of some colours.
+/// Mean of some colours.
 pub(super) fn mean(colours: &[Linear]) -> Linear {
     let share = 1.0 / colours.len().max(1) as f32;
     from_fn(|i| share * colours.iter().map(|colour| colour[i]).sum::<f32>())
@@ -104,7 +104,7 @@ fn decoded(level: f32) -> f32 {
     if level <= 0.04045 { level / 12.92 } else { libm::powf((level + 0.055) / 1.055, 2.4) }
 }
 
-/// sRGB codes of linear light; what is over 1 is white.
+/// sRGB codes of linear light, clipped at white.
 pub(super) fn encoded(light: Linear) -> [u8; 3] {
     light.map(|light| {
         let light = light.clamp(0.0, 1.0);
@@ -114,10 +114,6 @@ pub(super) fn encoded(light: Linear) -> [u8; 3] {
         };
         (255.0 * level).round() as u8
     })
-}
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]
@@ -133,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_normal_looks_at_the_eye_whichever_way_the_triangle_is_wound() {
+    fn a_normal_faces_the_camera_for_either_winding() {
         let (a, b, c) = ([0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]);
         let down = [0.6, 0.0, -0.8];
         assert_eq!(facing([a, b, c], down), [0.0, 0.0, 1.0]);

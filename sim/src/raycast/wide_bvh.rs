@@ -1,32 +1,32 @@
-//! The hierarchy as it is searched: boxes of eight children beside each other.
+//! Hierarchy of nodes with eight children, whose boxes are tested together.
 
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
 
-/// Children of a node: as many as a vector of `f32` has lanes.
+/// Children of a node: the lanes of a vector of `f32`.
 pub(super) const WIDTH: usize = 8;
 
-/// A node and the boxes of its children.
+/// Node with the boxes of its children.
 #[derive(Clone)]
 #[repr(align(32))]
-pub(super) struct Wide {
+pub(super) struct WideNode {
     /// Least and greatest coordinates: `[axis][side][child]`.
     pub(super) bounds: [[[f32; WIDTH]; 2]; 3],
     pub(super) children: [Child; WIDTH],
-    /// How many of them there are.
+    /// Number of children in use.
     pub(super) used: u32,
 }
 
-/// What is in a box.
+/// Content of a box: a node or a leaf.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Child {
-    /// A node; of a leaf its first triangle.
+    /// Index of the node, or of the first triangle of a leaf.
     pub(super) first: u32,
-    /// Triangles; 0: it is a node.
+    /// Number of triangles of a leaf; 0 for a node.
     pub(super) count: u32,
 }
 
-impl Wide {
+impl WideNode {
     pub(super) const EMPTY: Self = Self {
         bounds: [[[0.0; WIDTH]; 2]; 3],
         children: [Child { first: 0, count: 0 }; WIDTH],
@@ -44,24 +44,24 @@ impl Wide {
     }
 }
 
-/// Nodes of two children become nodes of up to eight, the root first: the largest box is opened
-/// until there are enough (Wald, Benthin and Boulos 2008).
-pub(super) fn widen(bvh: &Bvh2) -> Vec<Wide> {
+/// Collapses a binary hierarchy to nodes of up to eight children, the root first: the child with
+/// the largest box is opened until there are eight (Wald, Benthin and Boulos 2008).
+pub(super) fn widen(bvh: &Bvh2) -> Vec<WideNode> {
     let mut nodes = Vec::with_capacity(bvh.nodes.len() / 6 + 1);
     let mut pending = Vec::new();
     if !bvh.nodes.is_empty() {
-        nodes.push(Wide::EMPTY);
+        nodes.push(WideNode::EMPTY);
         pending.push((0, 0));
     }
     while let Some((at, narrow)) = pending.pop() {
-        let (open, count) = opened(bvh, narrow);
+        let (open, count) = open_children(bvh, narrow);
         for &child in &open[..count] {
             let node = &bvh.nodes[child as usize];
             let mut what = Child { first: node.first_index, count: node.prim_count };
             if !node.is_leaf() {
                 what.first = nodes.len() as u32;
                 pending.push((nodes.len(), child));
-                nodes.push(Wide::EMPTY);
+                nodes.push(WideNode::EMPTY);
             }
             nodes[at].push(node, what);
         }
@@ -69,8 +69,8 @@ pub(super) fn widen(bvh: &Bvh2) -> Vec<Wide> {
     nodes
 }
 
-/// Up to eight nodes that share a node's triangles.
-fn opened(bvh: &Bvh2, root: u32) -> ([u32; WIDTH], usize) {
+/// Up to eight descendants that together hold the triangles of a node.
+fn open_children(bvh: &Bvh2, root: u32) -> ([u32; WIDTH], usize) {
     let (mut open, mut count) = ([root; WIDTH], 1);
     while count < WIDTH {
         let area = |at: usize| {
@@ -95,7 +95,7 @@ mod tests {
     use obvhs::aabb::Aabb;
     use obvhs::bvh2::builder::build_bvh2;
 
-    fn of(count: usize) -> (Bvh2, Vec<Wide>) {
+    fn of(count: usize) -> (Bvh2, Vec<WideNode>) {
         let cube = |k: usize| {
             let low = [(k * 37 % 101) as f32, (k * 53 % 97) as f32, (k * 71 % 89) as f32];
             Aabb::new(low.into(), low.map(|x| x + 1.0).into())

@@ -1,27 +1,26 @@
-//! A network of ours as OpenDRIVE 1.4 text, which CARLA and its editors read too.
+//! Writer of generated networks as OpenDRIVE 1.4 text, which CARLA and its editors read.
 //!
-//! Every piece of road is one cubic (`paramPoly3`): a Bézier curve that leaves its ends in given
-//! directions. Streets carry a lane each way; in a crossing one road leads from each arm to every
-//! other, and one with the sidewalk alone round each corner.
+//! Every road is one cubic (`paramPoly3`): a Bézier curve with given directions at its ends.
+//! Streets have a driving lane each way. In a crossing one road leads from each arm to every other,
+//! and one with only the sidewalk runs round each corner.
 
 use std::f64::consts::PI;
 use std::fmt::Write;
 
-use super::plan::{Manner, NetworkStyle, Plan, out};
+use super::profile::{placed, slope_of};
+use super::street_plan::{NetworkStyle, Plan, StyleParameters, arm_direction};
 
-/// A place and a heading, radians.
+/// Point with a heading, radians.
 #[derive(Clone, Copy, Debug)]
-struct End {
+struct RoadEnd {
     at: [f64; 2],
     heading: f64,
 }
 
-impl End {
-    /// So far ahead, and to the left.
+impl RoadEnd {
+    /// Point moved ahead and to the left, metres.
     fn moved(&self, ahead: f64, left: f64) -> Self {
-        let (cos, sin) = (libm::cos(self.heading), libm::sin(self.heading));
-        let at = [self.at[0] + cos * ahead - sin * left, self.at[1] + sin * ahead + cos * left];
-        Self { at, ..*self }
+        Self { at: placed(self.at, self.heading, [ahead, left]), ..*self }
     }
 
     fn turned(&self) -> Self {
@@ -29,16 +28,16 @@ impl End {
     }
 }
 
-/// One cubic from an end to an end, in the first one's frame: u and v as b, c, d.
-struct Cubic {
-    from: End,
+/// Cubic from one end to another in the frame of the first: coefficients b, c, d of u and v.
+struct CubicPiece {
+    from: RoadEnd,
     u: [f64; 3],
     v: [f64; 3],
     length_m: f64,
 }
 
-impl Cubic {
-    fn between(from: End, to: End) -> Self {
+impl CubicPiece {
+    fn between(from: RoadEnd, to: RoadEnd) -> Self {
         let away = [to.at[0] - from.at[0], to.at[1] - from.at[1]];
         let reach = 0.39 * (away[0] * away[0] + away[1] * away[1]).sqrt();
         let (cos, sin) = (libm::cos(from.heading), libm::sin(from.heading));
@@ -46,7 +45,7 @@ impl Cubic {
         let end = local(away);
         let turn = to.heading - from.heading;
         let last = [end[0] - reach * libm::cos(turn), end[1] - reach * libm::sin(turn)];
-        // Bézier's points 0, (reach, 0), last, end as powers of p.
+        // Power form of the Bézier points 0, (reach, 0), last, end.
         let powers =
             |p1: f64, p2: f64, p3: f64| [3.0 * p1, 3.0 * (p2 - 2.0 * p1), p3 - 3.0 * p2 + 3.0 * p1];
         let (u, v) = (powers(reach, last[0], end[0]), powers(0.0, last[1], end[1]));
@@ -55,23 +54,23 @@ impl Cubic {
     }
 }
 
-/// By Simpson's rule.
+/// Length of the cubic by Simpson's rule.
 fn length(u: [f64; 3], v: [f64; 3]) -> f64 {
     const STEPS: u32 = 128;
     let rate = |k: u32| {
         let p = f64::from(k) / f64::from(STEPS);
-        let of = |[b, c, d]: [f64; 3]| b + p * (2.0 * c + p * 3.0 * d);
-        (of(u) * of(u) + of(v) * of(v)).sqrt()
+        let (du, dv) = (slope_of(u, p), slope_of(v, p));
+        (du * du + dv * dv).sqrt()
     };
     let weight = |k: u32| if k == 0 || k == STEPS { 1.0 } else { f64::from(2 + 2 * (k % 2)) };
     (0..=STEPS).map(|k| weight(k) * rate(k)).sum::<f64>() / (3.0 * f64::from(STEPS))
 }
 
-/// What a road is linked with at an end.
+/// Link at an end of a road.
 enum Link {
     None,
     Junction(usize),
-    /// A street, and whether its beginning is meant.
+    /// A street, and true when its start is meant.
     Street(usize, bool),
 }
 
@@ -93,8 +92,8 @@ impl Link {
     }
 }
 
-/// A lane as written: id, kind, width, mark, and the lanes it comes from and goes to.
-struct Strip {
+/// Lane as written: id, kind, width, mark, and the lanes before and after it.
+struct LaneRecord {
     id: i32,
     kind: &'static str,
     width_m: f64,
@@ -102,36 +101,36 @@ struct Strip {
     links: [Option<i32>; 2],
 }
 
-/// One road as written.
+/// Road as written.
 struct Road {
     id: usize,
     junction: Option<usize>,
     links: [Link; 2],
-    cubic: Cubic,
+    cubic: CubicPiece,
     /// Heights of its ends, metres.
     heights_m: [f64; 2],
-    strips: Vec<Strip>,
+    lanes: Vec<LaneRecord>,
     middle: &'static str,
     signals: String,
 }
 
-/// A turn through a crossing, for the junction's table.
+/// Turn through a crossing, for the table of its junction.
 struct Turn {
     street: usize,
     road: usize,
     from: i32,
 }
 
-/// Draws a network: the same text on every machine.
+/// Text of a generated network, the same on every machine.
 #[must_use]
 pub fn draw_network(style: NetworkStyle, seed: u64) -> String {
-    let (plan, manner) = (Plan::new(style, seed), style.manner());
+    let (plan, parameters) = (Plan::new(style, seed), style.parameters());
     let mut text = String::from(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<OpenDRIVE>\n<header revMajor=\"1\" \
          revMinor=\"4\" name=\"\" version=\"1\" vendor=\"Echoloop\"/>\n",
     );
     for k in 0..plan.streets.len() {
-        street(&plan, &manner, style, k).write(&mut text);
+        street(&plan, &parameters, style, k).write(&mut text);
     }
     let mut next = plan.streets.len();
     let mut junctions = String::new();
@@ -139,46 +138,52 @@ pub fn draw_network(style: NetworkStyle, seed: u64) -> String {
         if plan.nodes[node].arms.len() < 2 {
             continue;
         }
-        let turns = crossing(&plan, &manner, node, &mut next, &mut text);
+        let turns = junction_roads(&plan, &parameters, node, &mut next, &mut text);
         junction(&mut junctions, junction_id(&plan, node), &turns);
     }
     text + &junctions + "</OpenDRIVE>\n"
 }
 
-/// Ids of junctions follow those that roads may have.
+/// Id of a junction, above all ids of roads.
 fn junction_id(plan: &Plan, node: usize) -> usize {
     100_000 + plan.streets.len() + node
 }
 
-/// Where an arm's middle ends before its crossing, heading out of the crossing.
-fn mouth(plan: &Plan, node: usize, arm: (usize, bool)) -> End {
-    let middle = End { at: plan.nodes[node].at, heading: out(&plan.streets, arm) };
+/// End of the centre line of an arm at its crossing, heading out of the crossing.
+fn arm_end(plan: &Plan, node: usize, arm: (usize, bool)) -> RoadEnd {
+    let middle = RoadEnd { at: plan.nodes[node].at, heading: arm_direction(&plan.streets, arm) };
     middle.moved(plan.nodes[node].radius_m, 0.0)
 }
 
-fn street(plan: &Plan, manner: &Manner, style: NetworkStyle, k: usize) -> Road {
+fn street(plan: &Plan, parameters: &StyleParameters, style: NetworkStyle, k: usize) -> Road {
     let ends = plan.streets[k].nodes;
-    let first = mouth(plan, ends[0], (k, true));
-    let last = mouth(plan, ends[1], (k, false)).turned();
+    let first = arm_end(plan, ends[0], (k, true));
+    let last = arm_end(plan, ends[1], (k, false)).turned();
     let link = |node: usize| match plan.nodes[node].arms.len() {
         0 | 1 => Link::None,
         _ => Link::Junction(junction_id(plan, node)),
     };
-    let strips = [1, -1].into_iter().flat_map(|side| {
-        manner.lanes.iter().enumerate().map(move |(n, (kind, width_m))| {
-            let mark = match (*kind, manner.lanes.get(n + 1).map(|(kind, _)| *kind)) {
+    let lanes = [1, -1].into_iter().flat_map(|side| {
+        parameters.lanes.iter().enumerate().map(move |(n, (kind, width_m))| {
+            let mark = match (*kind, parameters.lanes.get(n + 1).map(|(kind, _)| *kind)) {
                 ("shoulder", Some(_)) => "curb",
                 ("driving", _) => "solid",
                 _ => "none",
             };
-            Strip { id: side * (n as i32 + 1), kind, width_m: *width_m, mark, links: [None; 2] }
+            LaneRecord {
+                id: side * (n as i32 + 1),
+                kind,
+                width_m: *width_m,
+                mark,
+                links: [None; 2],
+            }
         })
     });
-    let cubic = Cubic::between(first, last);
+    let cubic = CubicPiece::between(first, last);
     let lights = [ends[1], ends[0]].map(|node| plan.nodes[node].arms.len() >= 3);
     let signals = match style {
-        NetworkStyle::Grid => signals(manner, &cubic, lights, true),
-        _ => signals(manner, &cubic, lights, false),
+        NetworkStyle::Grid => signals(parameters, &cubic, lights, true),
+        _ => signals(parameters, &cubic, lights, false),
     };
     Road {
         id: k,
@@ -186,19 +191,24 @@ fn street(plan: &Plan, manner: &Manner, style: NetworkStyle, k: usize) -> Road {
         links: ends.map(link),
         cubic,
         heights_m: ends.map(|node| plan.nodes[node].height_m),
-        strips: strips.collect(),
+        lanes: lanes.collect(),
         middle: "broken",
         signals,
     }
 }
 
-/// At each end whose crossing has three arms or more a light, or a plate, on the right of those who
-/// come.
-fn signals(manner: &Manner, cubic: &Cubic, at: [bool; 2], is_light: bool) -> String {
+/// Signs at each end whose crossing has three arms or more: a light or a plate on the right of the
+/// arriving traffic.
+fn signals(
+    parameters: &StyleParameters,
+    cubic: &CubicPiece,
+    at: [bool; 2],
+    is_light: bool,
+) -> String {
     let mut text = String::new();
     let (name, kind, dynamic) =
         if is_light { ("Light", "1000001", "yes") } else { ("Yield", "205", "no") };
-    let side = manner.paved_m() + 0.8;
+    let side = parameters.paved_m() + 0.8;
     let ends = [(cubic.length_m - 1.0, -side, "+"), (1.0, side, "-")];
     for (n, (s, t, orientation)) in ends.into_iter().enumerate().filter(|(n, _)| at[*n]) {
         let _ = writeln!(
@@ -211,10 +221,10 @@ fn signals(manner: &Manner, cubic: &Cubic, at: [bool; 2], is_light: bool) -> Str
     text
 }
 
-/// The roads of one crossing; returns its turns.
-fn crossing(
+/// Writes the roads of one crossing; returns its turns.
+fn junction_roads(
     plan: &Plan,
-    manner: &Manner,
+    parameters: &StyleParameters,
     node: usize,
     next: &mut usize,
     text: &mut String,
@@ -222,50 +232,51 @@ fn crossing(
     let arms = &plan.nodes[node].arms;
     let height_m = plan.nodes[node].height_m;
     let mut turns = Vec::new();
-    let mut write = |links: [Link; 2], cubic: Cubic, strips: Vec<Strip>| {
+    let mut write = |links: [Link; 2], cubic: CubicPiece, lanes: Vec<LaneRecord>| {
         let junction = Some(junction_id(plan, node));
         let (id, heights_m, signals) = (*next, [height_m; 2], String::new());
-        Road { id, junction, links, cubic, heights_m, strips, middle: "none", signals }.write(text);
+        Road { id, junction, links, cubic, heights_m, lanes, middle: "none", signals }.write(text);
         *next += 1;
         id
     };
     for (k, &from) in arms.iter().enumerate() {
         for (_, &to) in arms.iter().enumerate().filter(|(n, _)| *n != k) {
-            let cubic = Cubic::between(mouth(plan, node, from).turned(), mouth(plan, node, to));
+            let cubic =
+                CubicPiece::between(arm_end(plan, node, from).turned(), arm_end(plan, node, to));
             let links = [incoming(from), -incoming(to)];
-            let strip = Strip {
+            let lane = LaneRecord {
                 id: -1,
                 kind: "driving",
-                width_m: manner.driven_m(),
+                width_m: parameters.driven_m(),
                 mark: "none",
                 links: links.map(Some),
             };
             let road =
-                write([Link::Street(from.0, from.1), Link::Street(to.0, to.1)], cubic, vec![strip]);
+                write([Link::Street(from.0, from.1), Link::Street(to.0, to.1)], cubic, vec![lane]);
             turns.push(Turn { street: from.0, road, from: links[0] });
         }
-        // The corner to the left of an arm that leads out of the crossing, to the next arm.
+        // The sidewalk round the corner from this arm to the next one on its left.
         let to = arms[(k + 1) % arms.len()];
-        let edge = manner.paved_m();
-        let cubic = Cubic::between(
-            mouth(plan, node, from).moved(0.0, edge).turned(),
-            mouth(plan, node, to).moved(0.0, -edge),
+        let edge = parameters.paved_m();
+        let cubic = CubicPiece::between(
+            arm_end(plan, node, from).moved(0.0, edge).turned(),
+            arm_end(plan, node, to).moved(0.0, -edge),
         );
-        let strips =
-            manner.lanes.iter().filter(|(kind, _)| *kind == "shoulder" || *kind == "sidewalk");
-        let strips = strips.enumerate().map(|(n, (kind, width_m))| Strip {
+        let lanes =
+            parameters.lanes.iter().filter(|(kind, _)| *kind == "shoulder" || *kind == "sidewalk");
+        let lanes = lanes.enumerate().map(|(n, (kind, width_m))| LaneRecord {
             id: -1 - n as i32,
             kind,
             width_m: *width_m,
             mark: if n == 0 { "curb" } else { "none" },
             links: [None; 2],
         });
-        write([Link::None, Link::None], cubic, strips.collect());
+        write([Link::None, Link::None], cubic, lanes.collect());
     }
     turns
 }
 
-/// The lane by which an arm's traffic comes into its crossing; it leaves by the other.
+/// Lane by which traffic enters a crossing from an arm; it leaves by the other.
 fn incoming((_, begins): (usize, bool)) -> i32 {
     if begins { 1 } else { -1 }
 }
@@ -284,7 +295,7 @@ fn junction(text: &mut String, id: usize, turns: &[Turn]) {
 
 impl Road {
     fn write(&self, text: &mut String) {
-        let Cubic { from, u, v, length_m } = &self.cubic;
+        let CubicPiece { from, u, v, length_m } = &self.cubic;
         let junction = self.junction.map_or_else(|| "-1".to_owned(), |id| id.to_string());
         let _ = writeln!(
             text,
@@ -305,7 +316,7 @@ impl Road {
         );
         text.push_str("</planView>\n<elevationProfile>\n");
         let [low, high] = self.heights_m;
-        // Level at both ends, where crossings are.
+        // Level at both ends, where the crossings are.
         let (c, d) = (
             3.0 * (high - low) / (length_m * length_m),
             -2.0 * (high - low) / libm::pow(*length_m, 3.0),
@@ -330,15 +341,15 @@ impl Road {
         text.push_str("</road>\n");
     }
 
-    fn side(&self, text: &mut String, tag: &str, is_here: impl Fn(i32) -> bool) {
-        let mut strips: Vec<&Strip> =
-            self.strips.iter().filter(|strip| is_here(strip.id)).collect();
-        if strips.is_empty() {
+    fn side(&self, text: &mut String, tag: &str, is_on_side: impl Fn(i32) -> bool) {
+        let mut lanes: Vec<&LaneRecord> =
+            self.lanes.iter().filter(|lane| is_on_side(lane.id)).collect();
+        if lanes.is_empty() {
             return;
         }
-        strips.sort_by_key(|strip| -strip.id);
+        lanes.sort_by_key(|lane| -lane.id);
         let _ = writeln!(text, "<{tag}>");
-        for Strip { id, kind, width_m, mark, links: [before, after] } in strips {
+        for LaneRecord { id, kind, width_m, mark, links: [before, after] } in lanes {
             let _ = write!(text, r#"<lane id="{id}" type="{kind}" level="false"><link>"#);
             for (tag, link) in [("predecessor", before), ("successor", after)] {
                 let _ = link.map(|link| write!(text, r#"<{tag} id="{link}"/>"#));
@@ -363,7 +374,7 @@ mod tests {
         [NetworkStyle::Grid, NetworkStyle::Suburb, NetworkStyle::Hillside];
 
     #[test]
-    fn what_is_drawn_is_read_without_a_remark() {
+    fn a_generated_network_is_read_without_a_remark() {
         for style in STYLES {
             for seed in 0..5 {
                 let network = RoadNetwork::parse("ours", &draw_network(style, seed)).expect("ours");
@@ -377,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn every_lane_leads_on_and_into_a_lane_that_begins_where_it_ends() {
+    fn every_lane_leads_into_lanes_that_begin_where_it_ends() {
         for style in STYLES {
             let network = RoadNetwork::parse("ours", &draw_network(style, 1)).expect("ours");
             let mut checked = 0;

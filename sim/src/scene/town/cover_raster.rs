@@ -1,30 +1,31 @@
-//! What covers the ground of a town, on a fine raster: where one may build, and how high it lies.
+//! Raster of the cover of the ground of a town: where one may build, and the heights of roads.
 
 use crate::roads::{Lane, LaneKind, RoadNetwork};
 use crate::scene::parts::{Frame, Point};
+use crate::vector::mix;
 
 /// Height of a kerb, metres.
 pub(super) const KERB_M: f64 = 0.13;
-/// A town goes on this far around its roads, metres.
+/// Margin of a town around its roads, metres.
 const MARGIN_M: f64 = 48.0;
-/// Side of a cell, metres; larger where a town would have more than so many.
+/// Side of a cell, metres; larger when a town would have more than `MAX_CELLS`.
 const CELL_M: f64 = 0.5;
-const MOST_CELLS: f64 = 8e6;
-/// Gaps between roads that are smaller than this are paved: the middles of crossings, m².
+const MAX_CELLS: f64 = 8e6;
+/// Area below which a gap between roads is paved, m²: the middles of crossings.
 const INFILL_M2: f64 = 120.0;
 
-/// What covers a cell.
+/// Cover of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Cover {
-    /// Ground.
+    /// Open ground.
     Open,
-    /// A gap between roads, paved.
+    /// A small gap between roads, paved.
     Infill,
-    /// A part of a road that lies level without being driven on or walked on.
+    /// A level part of a road without traffic or pedestrians.
     Paved,
     /// Raised by a kerb: sidewalks and medians.
     Raised,
-    /// Where traffic goes.
+    /// Driving lanes.
     Driven,
 }
 
@@ -39,21 +40,21 @@ impl Cover {
         }
     }
 
-    /// True for a part of a road.
+    /// True for parts of roads.
     pub(super) fn is_road(self) -> bool {
         self >= Self::Paved
     }
 }
 
-/// A stretch of a lane of 2 m at most: its corners, left and right at its beginning, right and left
-/// at its end.
+/// Pieces of a lane, 2 m long at most. Corners: left and right at the start, right and left at the
+/// end.
 pub(super) fn pieces(lane: &Lane) -> Vec<[Point; 4]> {
-    const MOST_M: f64 = 2.0;
+    const MAX_M: f64 = 2.0;
     let mut pieces = Vec::new();
     for pair in lane.ribs.windows(2) {
         let [[l0, r0], [l1, r1]] = [pair[0], pair[1]];
         let long = flat(l0, l1).max(flat(r0, r1));
-        let count = (long / MOST_M).ceil().max(1.0);
+        let count = (long / MAX_M).ceil().max(1.0);
         let at = |a: Point, b: Point, k: usize| mix(a, b, k as f64 / count);
         pieces.extend(
             (0..count as usize)
@@ -68,32 +69,43 @@ pub(super) fn flat(a: Point, b: Point) -> f64 {
     ((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])).sqrt()
 }
 
-pub(super) fn mix(a: Point, b: Point, t: f64) -> Point {
-    std::array::from_fn(|i| a[i] + (b[i] - a[i]) * t)
+/// Cells to the left, right, below and above a cell of a raster of `[columns, rows]`.
+pub(super) fn neighbours(
+    [columns, rows]: [usize; 2],
+    cell: usize,
+) -> impl Iterator<Item = usize> + use<> {
+    let (i, j) = (cell % columns, cell / columns);
+    let sides = [
+        (i > 0).then(|| cell - 1),
+        (i + 1 < columns).then_some(cell + 1),
+        (j > 0).then(|| cell - columns),
+        (j + 1 < rows).then_some(cell + columns),
+    ];
+    sides.into_iter().flatten()
 }
 
-/// The raster.
-pub(super) struct Site {
+/// Cover, height and occupation of each cell.
+pub(super) struct CoverRaster {
     pub(super) low: [f64; 2],
     pub(super) high: [f64; 2],
     pub(super) cell_m: f64,
     size: [usize; 2],
     cover: Vec<Cover>,
-    /// Height of what covers a cell, with its kerb; NaN of open ground.
+    /// Height of the road that covers a cell, kerb included, metres; NaN for open ground.
     level_m: Vec<f32>,
-    /// Cells on which something stands.
+    /// True for cells that are occupied.
     taken: Vec<bool>,
 }
 
-impl Site {
+impl CoverRaster {
     pub(super) fn new(network: &RoadNetwork) -> Self {
         let (low, high) = network.bounds();
         let (low, high) = (low.map(|x| x - MARGIN_M), high.map(|x| x + MARGIN_M));
         let area = (high[0] - low[0]) * (high[1] - low[1]);
-        let cell_m = (area / MOST_CELLS).sqrt().max(CELL_M);
+        let cell_m = (area / MAX_CELLS).sqrt().max(CELL_M);
         let size = [0, 1].map(|i| ((high[i] - low[i]) / cell_m) as usize + 1);
         let count = size[0] * size[1];
-        let mut site = Self {
+        let mut raster = Self {
             low,
             high,
             cell_m,
@@ -102,9 +114,9 @@ impl Site {
             level_m: vec![f32::NAN; count],
             taken: vec![false; count],
         };
-        network.lanes().iter().for_each(|lane| site.lay(lane));
-        site.infill();
-        site
+        network.lanes().iter().for_each(|lane| raster.lay(lane));
+        raster.infill();
+        raster
     }
 
     fn index(&self, at: [f64; 2]) -> Option<usize> {
@@ -114,7 +126,7 @@ impl Site {
         (inside && i < self.size[0] && j < self.size[1]).then(|| j * self.size[0] + i)
     }
 
-    /// Marks the cells of a lane: what is driven on lies on top, and the lowest height counts.
+    /// Marks the cells of a lane: the higher kind of cover wins, and the lowest height of a kind.
     fn lay(&mut self, lane: &Lane) {
         let cover = Cover::of(lane.kind);
         let rise = if cover == Cover::Raised { KERB_M } else { 0.0 };
@@ -140,7 +152,7 @@ impl Site {
         }
     }
 
-    /// Paves small gaps.
+    /// Paves the small gaps between roads.
     fn infill(&mut self) {
         let most = (INFILL_M2 / (self.cell_m * self.cell_m)) as usize;
         let mut seen = vec![false; self.cover.len()];
@@ -151,7 +163,7 @@ impl Site {
             let (mut gap, mut next) = (vec![start], 0);
             seen[start] = true;
             while next < gap.len() {
-                for beside in self.beside(gap[next]) {
+                for beside in neighbours(self.size, gap[next]) {
                     if !seen[beside] && self.cover[beside] == Cover::Open {
                         seen[beside] = true;
                         gap.push(beside);
@@ -165,29 +177,17 @@ impl Site {
         }
     }
 
-    fn beside(&self, cell: usize) -> impl Iterator<Item = usize> + use<> {
-        let [columns, rows] = self.size;
-        let (i, j) = (cell % columns, cell / columns);
-        let sides = [
-            (i > 0).then(|| cell - 1),
-            (i + 1 < columns).then_some(cell + 1),
-            (j > 0).then(|| cell - columns),
-            (j + 1 < rows).then_some(cell + columns),
-        ];
-        sides.into_iter().flatten()
-    }
-
     pub(super) fn cover(&self, at: [f64; 2]) -> Cover {
         self.index(at).map_or(Cover::Open, |cell| self.cover[cell])
     }
 
-    /// Height of the road that covers a place, with its kerb.
+    /// Height of the road that covers a point, kerb included.
     pub(super) fn level(&self, at: [f64; 2]) -> Option<f64> {
         let level = f64::from(self.level_m[self.index(at)?]);
         (!level.is_nan()).then_some(level)
     }
 
-    /// Lowest road within so many metres to every side.
+    /// Lowest road within a square of half side `reach_m` around a point.
     pub(super) fn lowest(&self, at: [f64; 2], reach_m: f64) -> Option<f64> {
         let steps = (reach_m / self.cell_m).ceil() as i32;
         let offsets = || (-steps..=steps).map(|k| f64::from(k) * self.cell_m);
@@ -195,7 +195,7 @@ impl Site {
         around.filter_map(|at| self.level(at)).reduce(f64::min)
     }
 
-    /// Cells of a rectangle in a frame, between two corners.
+    /// Cells of a rectangle in a frame, between two corners; `None` outside the raster.
     fn rectangle(&self, frame: &Frame, low: [f64; 2], high: [f64; 2]) -> Vec<Option<usize>> {
         let count = |i: usize| ((high[i] - low[i]) / (0.7 * self.cell_m)).ceil().max(1.0) as usize;
         let size = [count(0), count(1)];
@@ -210,12 +210,12 @@ impl Site {
         cells
     }
 
-    /// Takes a rectangle of open ground, if nothing stands on it.
+    /// Occupies a rectangle of open ground, if all of it is free.
     pub(super) fn take(&mut self, frame: &Frame, low: [f64; 2], high: [f64; 2]) -> bool {
         self.take_if(frame, low, high, |cover| cover == Cover::Open)
     }
 
-    /// Takes a rectangle whose cells are covered by something wanted, if nothing stands on it.
+    /// Occupies a rectangle of wanted cover, if all of it is free.
     pub(super) fn take_if(
         &mut self,
         frame: &Frame,
@@ -234,7 +234,7 @@ impl Site {
         free
     }
 
-    /// Takes a square round a place.
+    /// Occupies a square of open ground around a point, if all of it is free.
     pub(super) fn take_spot(&mut self, at: [f64; 2], half_m: f64) -> bool {
         let frame = Frame::new([at[0], at[1], 0.0], 0.0);
         self.take(&frame, [-half_m; 2], [half_m; 2])

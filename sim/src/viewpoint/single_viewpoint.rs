@@ -1,4 +1,4 @@
-//! Where one sensor could stand, where no pair fits.
+//! Viewpoint of a single sensor, for a place in which no pair fits.
 
 use nalgebra::Isometry3;
 
@@ -10,24 +10,23 @@ use crate::scene::Scene;
 /// Places tried for each kind of footing.
 const ATTEMPTS: usize = 2000;
 
-/// Stream of random numbers, beside those of the pairs.
+/// Random stream, distinct from those of the pairs.
 const STREAM: u64 = 110;
 
-/// What stands this much above the ground below it stands on something else, metres: a crown, a
-/// roof, a bridge.
+/// Height above the ground from which on a surface is a crown, a roof or a bridge, metres.
 const ABOVE_GROUND_M: f64 = 0.5;
 
-/// No more than this share of the corners around a place lies lower than ground may.
-const MOST_BELOW: f64 = 0.2;
+/// Largest share of the vertices around a place that may lie below its possible ground.
+const MAX_BELOW: f64 = 0.2;
 
-/// Ground goes on around a place: no more than this share of the places within 6 m to every side
-/// may have nothing below them.
-const MOST_NOTHING: f64 = 0.25;
+/// Largest share of the points within 6 m to every side that may have nothing below them: ground
+/// extends around a place.
+const MAX_VOIDS: f64 = 0.25;
 
-/// What a sensor stands on, the best first.
+/// Support of a sensor, the best first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Footing {
-    /// Open ground, from which there is something to see.
+    /// Open ground.
     Open,
     /// Ground below a canopy or a roof.
     Covered,
@@ -35,8 +34,8 @@ pub enum Footing {
     Aloft,
 }
 
-/// What is looked for, one after the other: a footing, and whether there must be something to see.
-const WISHES: [(Footing, bool); 5] = [
+/// Order of the search: a footing, and true where enough structure must be in view.
+const SEARCH_ORDER: [(Footing, bool); 5] = [
     (Footing::Open, true),
     (Footing::Covered, true),
     (Footing::Open, false),
@@ -44,22 +43,21 @@ const WISHES: [(Footing, bool); 5] = [
     (Footing::Aloft, false),
 ];
 
-/// A place for one sensor.
+/// Viewpoint of a single sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Standpoint {
-    /// x forward, y left, z up.
+    /// Pose: x forward, y left, z up.
     pub world_from_sensor: Isometry3<f64>,
-    /// What it stands on.
+    /// Support of the sensor.
     pub footing: Footing,
-    /// Whether there is as much to see as a pair needs.
+    /// True when as much structure is in view as a pair needs.
     pub sees_enough: bool,
 }
 
-/// A viewpoint for one sensor: [`PairPlan::seed`], height and tilt count of the plan.
+/// Finds a viewpoint for a single sensor, with the seed, height and tilt of the plan.
 ///
-/// Open ground is looked for as for a pair, then ground below something; first where there is
-/// something to see, then anywhere; last what lies on top. All have nothing within a metre
-/// sideways.
+/// Tries open ground as for a pair, then covered ground, first with enough structure in view and
+/// then without; last any top surface. Nothing may be within a metre sideways.
 ///
 /// # Errors
 ///
@@ -71,25 +69,28 @@ pub fn stand_alone(
 ) -> Result<Standpoint, ViewpointError> {
     plan.check()?;
     let mut search = PairSearch::new(scene, caster, plan, STREAM);
-    for (footing, must_see) in WISHES {
+    for (footing, must_see) in SEARCH_ORDER {
         for _ in 0..ATTEMPTS {
-            let draft = search.draw(0);
-            let at = draft.places[0];
+            let candidate = search.draw(0);
+            let at = candidate.places[0];
             let Some(eye) = search.stand(scene, at, footing) else { continue };
             let seen = eye.map(|x| x as f32);
             if !search.is_free(seen, footing) {
                 continue;
             }
-            let sees_enough = search.structure(seen, draft.headings[0]) >= STRUCTURE_SHARE;
-            // Last, for it looks at the whole mesh.
+            let sees_enough = search.structure(seen, candidate.headings[0]) >= STRUCTURE_SHARE;
+            // Last, because it visits the whole mesh.
             let aloft = || search.ground.is_aloft(scene, caster, at, eye[2] - plan.height_m);
             if (sees_enough || !must_see) && (footing == Footing::Aloft || !aloft()) {
-                let world_from_sensor = pose(eye, draft.headings[0], draft.tilts[0]);
+                let world_from_sensor = pose(eye, candidate.headings[0], candidate.tilts[0]);
                 return Ok(Standpoint { world_from_sensor, footing, sees_enough });
             }
         }
     }
-    Err(ViewpointError::Nowhere { scene: scene.name.clone(), attempts: WISHES.len() * ATTEMPTS })
+    Err(ViewpointError::Nowhere {
+        scene: scene.name.clone(),
+        attempts: SEARCH_ORDER.len() * ATTEMPTS,
+    })
 }
 
 impl PairSearch<'_> {
@@ -115,7 +116,7 @@ impl PairSearch<'_> {
     }
 }
 
-/// Whether a sensor stands on something else than ground: a crown, a roof, a bridge.
+/// True when a sensor stands on something other than ground: a crown, a roof, a bridge.
 pub fn stands_aloft(scene: &Scene, caster: &Raycaster, world_from_sensor: &Isometry3<f64>) -> bool {
     let [x, y, z]: [f64; 3] = world_from_sensor.translation.vector.into();
     let down = caster.cast([x, y, z].map(|x| x as f32), [0.0, 0.0, -1.0]);
@@ -124,17 +125,17 @@ pub fn stands_aloft(scene: &Scene, caster: &Raycaster, world_from_sensor: &Isome
 }
 
 impl GroundMap {
-    /// Whether a surface of height `z` has ground below it, more around it that is lower than
-    /// ground would be than there may be, or too little around it.
+    /// True when a surface at height `z` is no ground: there is ground below it, too many vertices
+    /// around it lie below its possible ground, or too little surface is around it.
     fn is_aloft(&self, scene: &Scene, caster: &Raycaster, at: [f64; 2], z: f64) -> bool {
         let below = self.lowest(scene, caster, at);
         below.is_some_and(|ground| z - ground > ABOVE_GROUND_M)
-            || share_below(scene, at, z) > MOST_BELOW
-            || self.share_of_nothing(caster, at) > MOST_NOTHING
+            || share_below(scene, at, z) > MAX_BELOW
+            || self.share_of_voids(caster, at) > MAX_VOIDS
     }
 
-    /// Share of the places around one below which there is nothing at all.
-    fn share_of_nothing(&self, caster: &Raycaster, at: [f64; 2]) -> f64 {
+    /// Share of the points around a place with nothing below them.
+    fn share_of_voids(&self, caster: &Raycaster, at: [f64; 2]) -> f64 {
         let steps = || (-3..=3).map(|k| 2.0 * f64::from(k));
         let around = || steps().flat_map(|dx| steps().map(move |dy| [at[0] + dx, at[1] + dy]));
         let nothing = around().filter(|at| self.seen_from_above(caster, *at).is_none());
@@ -143,12 +144,12 @@ impl GroundMap {
 
     /// Height of the lowest surface that faces up, metres. The underside of a slab faces down.
     fn lowest(&self, scene: &Scene, caster: &Raycaster, [x, y]: [f64; 2]) -> Option<f64> {
-        /// So that the same surface is not met again.
+        /// Step past a surface, so that it is not hit again.
         const PAST_M: f32 = 0.01;
-        /// Surfaces looked at: a crown has some ten.
-        const MOST: usize = 64;
+        /// Surfaces tried at most: a crown has some ten.
+        const MAX_SURFACES: usize = 64;
         let mut from_m = self.depth_m;
-        for _ in 0..MOST {
+        for _ in 0..MAX_SURFACES {
             let hit = caster.cast([x as f32, y as f32, from_m], [0.0, 0.0, 1.0])?;
             let height_m = from_m + hit.range_m;
             if faces_up(scene.mesh.corners(hit.triangle as usize)) {
@@ -160,7 +161,7 @@ impl GroundMap {
     }
 }
 
-/// Share of the mesh's corners around a place that lie lower than ground of that height may.
+/// Share of the vertices around a place that lie below its possible ground.
 fn share_below(scene: &Scene, at: [f64; 2], z: f64) -> f64 {
     let near = |v: &[f32; 3]| {
         let away = [0, 1].map(|i| f64::from(v[i]) - at[i]);

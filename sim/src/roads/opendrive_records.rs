@@ -1,41 +1,41 @@
-//! The XML of an OpenDRIVE file: what it must be before anything is built of it, and the records
-//! of its roads.
+//! Records of the roads of an OpenDRIVE file, with limits on the XML that are checked before
+//! anything is built from it.
 
 use std::collections::HashSet;
 
 use echoloop_files::shown;
 use roxmltree::{Document, Node};
 
+use super::continuity;
 use super::fault::RoadFault;
-use super::holes;
-use super::profile::{Cubic, Curve, Geometry, Profile, Section};
+use super::profile::{Cubic, Curve, Geometry, Profile, Section, placed};
 
-/// Bytes of a file at most. CARLA's towns have 1 to 20 MB.
-const MOST_BYTES: usize = 64 << 20;
-/// Length of all roads at most, km. CARLA's towns have 4 to 40.
-const MOST_KM: f64 = 400.0;
-/// Length of a piece of a road at most, metres.
-const MOST_PIECE_M: f64 = 1e5;
-/// Length of all lanes at most, km.
-const MOST_LANES_KM: f64 = 1500.0;
-/// Times that a road goes round at most: the tighter and longer, the more points it takes.
-const MOST_ROUNDS: f64 = 100.0;
-/// Bytes of a file for each of its tags and attributes at least: a reader of XML takes some 40 for
-/// each. CARLA's towns have 25.
+/// Bytes of a file, at most. CARLA's towns have 1 to 20 MB.
+const MAX_BYTES: usize = 64 << 20;
+/// Length of all roads, km, at most. CARLA's towns have 4 to 40.
+const MAX_KM: f64 = 400.0;
+/// Length of a piece of a reference line, metres, at most.
+const MAX_PIECE_M: f64 = 1e5;
+/// Length of all lanes, km, at most.
+const MAX_LANES_KM: f64 = 1500.0;
+/// Full turns of a road, at most: a tighter or longer spiral takes more points.
+const MAX_ROUNDS: f64 = 100.0;
+/// Bytes of a file per tag or attribute, at least: the XML parser takes about 40 bytes for each.
+/// CARLA's towns have 25.
 const BYTES_A_MARK: usize = 8;
-/// Elements within elements at most. CARLA's towns have 8.
-const MOST_DEPTH: usize = 64;
-/// Attributes of an element at most: the reader of XML compares each with all others there.
-const MOST_ATTRIBUTES: usize = 1000;
-/// Times that a file says `xmlns` at most: an element that declares a namespace has those of all
-/// elements around it copied.
-const MOST_NAMESPACES: usize = 100;
+/// Nesting depth of elements, at most. CARLA's towns have 8.
+const MAX_DEPTH: usize = 64;
+/// Attributes of an element, at most: the XML parser compares each with all others of the element.
+const MAX_ATTRIBUTES: usize = 1000;
+/// Namespace declarations, at most: an element that declares one copies those of all elements
+/// around it.
+const MAX_NAMESPACES: usize = 100;
 
-/// Records of a list at most, as pieces of a reference line or lane sections of a road: they are
-/// gone through for each place. CARLA's towns have 100 and less.
-const MOST_RECORDS: usize = 10_000;
+/// Records of a list, at most, as pieces of a reference line or lane sections: each point searches
+/// them. CARLA's towns have 100 or fewer.
+const MAX_RECORDS: usize = 10_000;
 
-/// Attributes that are numbers, wherever below a road they stand.
+/// Names of attributes that are numbers, in any element of a road.
 const NUMBERS: &[&str] = &[
     "s",
     "t",
@@ -70,11 +70,11 @@ const NUMBERS: &[&str] = &[
     "dz",
 ];
 
-/// Reads the records of all roads, and remarks on what they name that is not there.
+/// Reads the records of all roads, with remarks on links to missing roads.
 pub(super) fn profiles(text: &str) -> Result<(Vec<Profile>, Vec<String>), RoadFault> {
     let format = |what: String| Err(RoadFault::Format(what));
-    if text.len() > MOST_BYTES {
-        return format(format!("it has more than {} MB", MOST_BYTES >> 20));
+    if text.len() > MAX_BYTES {
+        return format(format!("it has more than {} MB", MAX_BYTES >> 20));
     }
     check_marks(text)?;
     let document = Document::parse(text).map_err(|error| {
@@ -99,11 +99,11 @@ pub(super) fn profiles(text: &str) -> Result<(Vec<Profile>, Vec<String>), RoadFa
     });
     let profiles: Vec<Profile> = profiles.collect::<Result<_, _>>()?;
     check_work(&profiles)?;
-    profiles.iter().try_for_each(holes::check)?;
+    profiles.iter().try_for_each(continuity::check)?;
     Ok((profiles, lost_links(root, &roads)))
 }
 
-/// A remark for each link of a road to a road or a junction that the file does not have.
+/// Remarks on links to roads or junctions that the file does not have.
 fn lost_links(root: Node<'_, '_>, roads: &[Node<'_, '_>]) -> Vec<String> {
     let ids = |name| children(root, name).filter_map(|node| node.attribute("id"));
     let (all_roads, junctions): (HashSet<&str>, HashSet<&str>) =
@@ -129,15 +129,15 @@ fn lost_links(root: Node<'_, '_>, roads: &[Node<'_, '_>]) -> Vec<String> {
     remarks
 }
 
-/// Before anything is built: what would take more points than a place has.
+/// Refuses roads that would take more points than any place has, before they are built.
 fn check_work(profiles: &[Profile]) -> Result<(), RoadFault> {
     let mut lanes_m = 0.0;
     for (k, profile) in profiles.iter().enumerate() {
         let turn_rad: f64 = profile.geometries.iter().map(Geometry::turn_rad).sum();
         let rounds = turn_rad / std::f64::consts::TAU;
-        // A file of many pieces may turn more: a piece takes bytes.
-        if rounds > MOST_ROUNDS.max(profile.geometries.len() as f64) {
-            let what = format!("it goes round {rounds:.0} times, more than {MOST_ROUNDS:.0}");
+        // More pieces may turn more: each takes bytes of the file.
+        if rounds > MAX_ROUNDS.max(profile.geometries.len() as f64) {
+            let what = format!("it makes {rounds:.0} full turns, more than {MAX_ROUNDS:.0}");
             return Err(RoadFault::of(&profile.id, what));
         }
         let sections = 0..profile.sections.len();
@@ -147,17 +147,17 @@ fn check_work(profiles: &[Profile]) -> Result<(), RoadFault> {
         };
         lanes_m += sections.map(lanes_of).sum::<f64>();
     }
-    match lanes_m <= 1000.0 * MOST_LANES_KM {
+    match lanes_m <= 1000.0 * MAX_LANES_KM {
         true => Ok(()),
         false => Err(RoadFault::Format(format!(
-            "it has {:.0} km of lanes, more than {MOST_LANES_KM:.0} km: cut out a part of it",
+            "it has {:.0} km of lanes, more than {MAX_LANES_KM:.0} km: cut out a part of it",
             0.001 * lanes_m
         ))),
     }
 }
 
-/// Before the XML is read: what would take it long, or much memory. Counts what looks like a tag or
-/// an attribute, never too little: no value of an attribute has a `<`.
+/// Refuses XML that would take long or much memory, before it is parsed. Counts everything that
+/// looks like a tag or an attribute, which is never too few: no attribute value contains a `<`.
 fn check_marks(text: &str) -> Result<(), RoadFault> {
     let format = |what: String| Err(RoadFault::Format(what));
     let marks = text.bytes().filter(|byte| matches!(byte, b'<' | b'=')).count();
@@ -167,21 +167,21 @@ fn check_marks(text: &str) -> Result<(), RoadFault> {
         ));
     }
     let attributes = |tag: &[u8]| tag.iter().filter(|byte| **byte == b'=').count();
-    if text.as_bytes().split(|byte| *byte == b'<').any(|tag| attributes(tag) > MOST_ATTRIBUTES) {
-        return format(format!("an element has more than {MOST_ATTRIBUTES} attributes"));
+    if text.as_bytes().split(|byte| *byte == b'<').any(|tag| attributes(tag) > MAX_ATTRIBUTES) {
+        return format(format!("an element has more than {MAX_ATTRIBUTES} attributes"));
     }
-    match text.matches("xmlns").nth(MOST_NAMESPACES) {
+    match text.matches("xmlns").nth(MAX_NAMESPACES) {
         None => Ok(()),
-        Some(_) => format(format!("it declares more than {MOST_NAMESPACES} namespaces")),
+        Some(_) => format(format!("it declares more than {MAX_NAMESPACES} namespaces")),
     }
 }
 
-/// The reader of XML takes any depth; those who walk down after it need not.
+/// Limits the nesting depth: the parser takes any depth, but code that recurses does not.
 fn check_depth(document: &Document<'_>) -> Result<(), RoadFault> {
     let mut open = vec![(document.root_element(), 1)];
     while let Some((node, depth)) = open.pop() {
-        if depth > MOST_DEPTH {
-            let what = format!("its elements are nested more than {MOST_DEPTH} deep");
+        if depth > MAX_DEPTH {
+            let what = format!("its elements are nested more than {MAX_DEPTH} deep");
             return Err(RoadFault::Format(what));
         }
         open.extend(node.children().filter(Node::is_element).map(|child| (child, depth + 1)));
@@ -189,7 +189,7 @@ fn check_depth(document: &Document<'_>) -> Result<(), RoadFault> {
     Ok(())
 }
 
-/// A network may come from anybody: no file is opened on its word.
+/// Refuses includes: a network is untrusted input and opens no other file.
 fn refuse_includes(document: &Document<'_>) -> Result<(), RoadFault> {
     match document.descendants().find(|node| node.has_tag_name("include")) {
         None => Ok(()),
@@ -206,7 +206,7 @@ fn refuse_includes(document: &Document<'_>) -> Result<(), RoadFault> {
     }
 }
 
-/// Before anything is built: a kilometre of road takes many points.
+/// Limits the length of all roads before they are built: a kilometre takes many points.
 fn check_length(roads: &[Node<'_, '_>]) -> Result<(), RoadFault> {
     if roads.is_empty() {
         return Err(RoadFault::NoRoads);
@@ -215,9 +215,9 @@ fn check_length(roads: &[Node<'_, '_>]) -> Result<(), RoadFault> {
     for road in roads {
         sum_m += number(*road, *road, "length")?;
     }
-    match sum_m <= 1000.0 * MOST_KM {
+    match sum_m <= 1000.0 * MAX_KM {
         true => Ok(()),
-        false => Err(RoadFault::TooLong { found_km: 0.001 * sum_m, most_km: MOST_KM }),
+        false => Err(RoadFault::TooLong { found_km: 0.001 * sum_m, most_km: MAX_KM }),
     }
 }
 
@@ -229,7 +229,7 @@ fn id<'a>(road: Node<'a, '_>) -> &'a str {
     road.attribute("id").unwrap_or("(without an id)")
 }
 
-/// A number of a road, or that it is none.
+/// Number in an attribute of a road.
 fn number(road: Node<'_, '_>, node: Node<'_, '_>, name: &str) -> Result<f64, RoadFault> {
     let (tag, text) = (node.tag_name().name(), node.attribute(name));
     let text = text.ok_or_else(|| RoadFault::of(id(road), format!("<{tag}> has no {name}")))?;
@@ -240,23 +240,24 @@ fn number(road: Node<'_, '_>, node: Node<'_, '_>, name: &str) -> Result<f64, Roa
     })
 }
 
-/// The same, of a record that may leave it out.
+/// As [`number`], 0 where the attribute is missing.
 fn number_or_zero(road: Node<'_, '_>, node: Node<'_, '_>, name: &str) -> Result<f64, RoadFault> {
     node.attribute(name).map_or(Ok(0.0), |_| number(road, node, name))
 }
 
-/// All numbers of a road but those of `userData`, which are of others.
+/// Checks all numbers of a road except those in `userData`, which belong to other programs.
 fn check_numbers(road: Node<'_, '_>) -> Result<(), RoadFault> {
     let mut open = vec![road];
     while let Some(node) = open.pop() {
         for attribute in node.attributes().filter(|found| NUMBERS.contains(&found.name())) {
-            // Elsewhere a width or a length may be left empty.
+            // A width or a length may be empty outside of the records read here.
             if !attribute.value().is_empty() {
                 number(road, node, attribute.name())?;
             }
         }
-        let theirs = |child: &Node<'_, '_>| child.is_element() && !child.has_tag_name("userData");
-        open.extend(node.children().rev().filter(theirs));
+        let is_checked =
+            |child: &Node<'_, '_>| child.is_element() && !child.has_tag_name("userData");
+        open.extend(node.children().rev().filter(is_checked));
     }
     Ok(())
 }
@@ -273,7 +274,7 @@ fn profile(road: Node<'_, '_>) -> Result<Profile, RoadFault> {
     let mut geometries = records(road, plan, "geometry")?
         .map(|node| geometry(road, node))
         .collect::<Result<Vec<_>, _>>()?;
-    geometries.retain(|piece| piece.length_m > 0.0); // some exporters end a road with such a piece
+    geometries.retain(|piece| piece.length_m > 0.0); // some exporters end a road with one
     if geometries.is_empty() {
         return Err(RoadFault::of(id(road), "its <planView> has no <geometry> with a length"));
     }
@@ -297,16 +298,16 @@ fn profile(road: Node<'_, '_>) -> Result<Profile, RoadFault> {
     })
 }
 
-/// The records of a list of a road.
+/// Records of a list of a road.
 fn records<'a, 'b>(
     road: Node<'a, 'b>,
     list: Node<'a, 'b>,
     name: &'static str,
 ) -> Result<impl Iterator<Item = Node<'a, 'b>>, RoadFault> {
-    match children(list, name).nth(MOST_RECORDS) {
+    match children(list, name).nth(MAX_RECORDS) {
         None => Ok(children(list, name)),
         Some(_) => {
-            let what = format!("it has more than {MOST_RECORDS} <{name}> in a list");
+            let what = format!("it has more than {MAX_RECORDS} <{name}> in a list");
             Err(RoadFault::of(id(road), what))
         }
     }
@@ -332,19 +333,18 @@ fn geometry(road: Node<'_, '_>, node: Node<'_, '_>) -> Result<Geometry, RoadFaul
     let at = |name| number(road, node, name);
     let (s, heading_rad, length_m) = (at("s")?, at("hdg")?, at("length")?);
     let [x, y] = [at("x")?, at("y")?];
-    if !(0.0..=MOST_PIECE_M).contains(&length_m) {
+    if !(0.0..=MAX_PIECE_M).contains(&length_m) {
         let what = format!("<geometry> at s = {s} has a length of {length_m} m");
         return Err(RoadFault::of(id(road), what));
     }
     let shape = node.children().find(|child| child.is_element() && !child.has_tag_name("userData"));
     let shape = shape.ok_or_else(|| RoadFault::of(id(road), "a <geometry> has no shape"))?;
-    let (curve, [u, v]) = curve(road, shape, length_m)?;
-    let (cos, sin) = (libm::cos(heading_rad), libm::sin(heading_rad));
-    let at = [x + cos * u - sin * v, y + sin * u + cos * v];
+    let (curve, start) = curve(road, shape, length_m)?;
+    let at = placed([x, y], heading_rad, start);
     Ok(Geometry { s, at, heading_rad, length_m, curve })
 }
 
-/// A shape, and how far it begins from its piece's place, in that one's frame.
+/// Shape of a piece, and the offset of its start in the frame of the piece.
 fn curve(
     road: Node<'_, '_>,
     shape: Node<'_, '_>,
@@ -355,19 +355,19 @@ fn curve(
         let of = |letter: &str| of(&format!("{letter}{suffix}"));
         Ok([of("b")?, of("c")?, of("d")?])
     };
-    let begins = |name| number_or_zero(road, shape, name);
+    let offset = |name| number_or_zero(road, shape, name);
     match shape.tag_name().name() {
         "line" => Ok((Curve::Line, [0.0; 2])),
         "arc" => Ok((Curve::Spiral([of("curvature")?; 2]), [0.0; 2])),
         "spiral" => Ok((Curve::Spiral([of("curvStart")?, of("curvEnd")?]), [0.0; 2])),
-        "poly3" => Ok((Curve::Poly3(three("")?), [0.0, begins("a")?])),
+        "poly3" => Ok((Curve::Poly3(three("")?), [0.0, offset("a")?])),
         "paramPoly3" => {
             let is_long = shape
                 .attribute("pRange")
                 .is_some_and(|range| range.eq_ignore_ascii_case("arcLength"));
             let most = if is_long { length_m } else { 1.0 };
             let curve = Curve::ParamPoly3 { u: three("U")?, v: three("V")?, most };
-            Ok((curve, [begins("aU")?, begins("aV")?]))
+            Ok((curve, [offset("aU")?, offset("aV")?]))
         }
         other => {
             let what = format!(

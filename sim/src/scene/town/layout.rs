@@ -1,8 +1,9 @@
-//! A town while it is built: its ground, what is taken of it, and what is yet to be planted.
+//! Layout of a town under construction: its ground, the occupied parts of it, and the plants to
+//! come.
 
-use super::front::Front;
+use super::cover_raster::{Cover, CoverRaster};
 use super::ground::Ground;
-use super::site::{Cover, Site};
+use super::road_edge::RoadEdge;
 use crate::roads::RoadNetwork;
 use crate::scene::material::Surface;
 use crate::scene::parts::dwelling::{garden_tree, street_tree};
@@ -13,28 +14,27 @@ use crate::scene::parts::{Builder, Frame, Point};
 use crate::scene::value_noise::Noise;
 use echoloop_random::Generator;
 
-/// Triangles of a town: houses are plain from the first figure on, and from the second on no more
-/// is planted.
+/// Triangles from which on houses are plain, and from which on nothing more is planted.
 const PLAIN_TRIANGLES: usize = 1_150_000;
-const MOST_TRIANGLES: usize = 1_850_000;
+const MAX_TRIANGLES: usize = 1_850_000;
 
-/// What stands along a town's roads.
+/// Buildings along the roads of a town.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Dress {
+pub(crate) enum Dressing {
     /// Houses wall to wall.
     Quarter,
     /// Detached houses in gardens.
     Suburb,
 }
 
-/// What is planted or put up last, as far as there is room for it.
+/// Plants and furniture, added last as far as the limit of triangles allows.
 #[derive(Clone, Copy)]
 pub(super) enum Plant {
     StreetTree(Point),
     GardenTree(Point),
     Conifer(Point, f64),
     Bush(Point, [f64; 2]),
-    /// Along the frame's x, so long and so high, metres.
+    /// Along the x axis of the frame; length and height, metres.
     Hedge(Frame, [f64; 2]),
     Fence(Frame, [f64; 2]),
     Bench(Frame),
@@ -44,34 +44,35 @@ pub(super) enum Plant {
     Tuft(Point),
 }
 
-pub(super) struct Place {
-    pub(super) site: Site,
+/// Ground, roads and occupied cells of a town.
+pub(super) struct TownLayout {
+    pub(super) raster: CoverRaster,
     pub(super) ground: Ground,
-    pub(super) fronts: Vec<Front>,
-    dress: Dress,
+    pub(super) edges: Vec<RoadEdge>,
+    dressing: Dressing,
     patches: Noise,
 }
 
-impl Place {
-    pub(super) fn new(network: &RoadNetwork, dress: Dress, seed: u64) -> Self {
-        let site = Site::new(network);
-        let relief_m = match dress {
-            Dress::Quarter => 0.4,
-            Dress::Suburb => 1.6,
+impl TownLayout {
+    pub(super) fn new(network: &RoadNetwork, dressing: Dressing, seed: u64) -> Self {
+        let raster = CoverRaster::new(network);
+        let relief_m = match dressing {
+            Dressing::Quarter => 0.4,
+            Dressing::Suburb => 1.6,
         };
         let relief = Noise { seed, scale_m: 45.0, octaves: 3 };
-        let ground = Ground::new(&site, relief, relief_m);
+        let ground = Ground::new(&raster, relief, relief_m);
         let patches = Noise { seed: seed.wrapping_add(77), scale_m: 18.0, octaves: 2 };
-        Self { site, ground, fronts: Front::all(network), dress, patches }
+        Self { raster, ground, edges: RoadEdge::all(network), dressing, patches }
     }
 
-    /// What the ground is made of.
+    /// Surface of the ground at a point.
     pub(super) fn surface(&self, at: [f64; 2]) -> Surface {
-        match (self.site.cover(at), self.dress) {
+        match (self.raster.cover(at), self.dressing) {
             (Cover::Driven | Cover::Paved | Cover::Infill, _) => Surface::Asphalt,
             (Cover::Raised, _) => Surface::Paving,
-            (Cover::Open, Dress::Suburb) => Surface::Grass,
-            (Cover::Open, Dress::Quarter) => {
+            (Cover::Open, Dressing::Suburb) => Surface::Grass,
+            (Cover::Open, Dressing::Quarter) => {
                 let patch = self.patches.at(at[0], at[1]);
                 match self.ground.away(at) {
                     away if away < 6.0 => Surface::Paving,
@@ -83,32 +84,32 @@ impl Place {
         }
     }
 
-    /// A place on whatever is there: a sidewalk, a road, the ground.
+    /// Point on the top surface: a sidewalk, a road or the ground.
     pub(super) fn stand(&self, at: [f64; 2]) -> Point {
-        let height = self.site.level(at).unwrap_or_else(|| self.ground.height(at));
+        let height = self.raster.level(at).unwrap_or_else(|| self.ground.height(at));
         [at[0], at[1], height]
     }
 
-    /// A frame at a place of another, on the ground there.
+    /// Frame at a point of another frame, moved onto the top surface there.
     pub(super) fn frame(&self, on: &Frame, at: [f64; 2], yaw: f64) -> Frame {
         let [x, y, z] = on.at([at[0], at[1], 0.0]);
         let foot = self.stand([x, y]);
         on.child([at[0], at[1], foot[2] - z], yaw)
     }
 
-    /// True while houses may have all their windows.
+    /// True while the number of triangles allows houses with all their windows.
     pub(super) fn is_rich(b: &Builder) -> bool {
         b.triangles() < PLAIN_TRIANGLES
     }
 
-    /// Open ground far from roads: trees, bushes, rocks.
+    /// Adds trees, bushes and rocks on open ground away from roads.
     pub(super) fn wild(&mut self, plants: &mut Vec<Plant>, rng: &mut Generator) {
-        let (low, high) = (self.site.low, self.site.high);
+        let (low, high) = (self.raster.low, self.raster.high);
         let count = ((high[0] - low[0]) * (high[1] - low[1]) / 110.0) as usize;
         for _ in 0..count {
             let at = [0, 1].map(|i| rng.range(low[i], high[i]));
             let away = self.ground.away(at);
-            if away < 5.0 || !self.site.take_spot(at, 1.2) {
+            if away < 5.0 || !self.raster.take_spot(at, 1.2) {
                 continue;
             }
             let foot = self.ground.point(at);
@@ -123,13 +124,14 @@ impl Place {
         }
     }
 
-    /// Plants in an order of chance, so that what no longer fits is missing everywhere.
+    /// Builds the plants in random order, so that those beyond the limit are missing everywhere
+    /// alike.
     pub(super) fn plant(&self, b: &mut Builder, mut plants: Vec<Plant>, rng: &mut Generator) {
         for k in (1..plants.len()).rev() {
             plants.swap(k, rng.index(k + 1));
         }
         for plant in plants {
-            if b.triangles() > MOST_TRIANGLES {
+            if b.triangles() > MAX_TRIANGLES {
                 break;
             }
             self.grow(b, plant, rng);
@@ -159,7 +161,7 @@ impl Place {
         }
     }
 
-    /// Two-metre pieces, so that the hedge follows the slope.
+    /// Builds a hedge in pieces of 2 m, which follow the slope.
     fn hedge(&self, b: &mut Builder, line: &Frame, long: f64, high: f64, rng: &mut Generator) {
         let pieces = (long / 2.0).ceil().max(1.0);
         let step = long / pieces;
