@@ -171,16 +171,16 @@ mod tests {
         Exposure { receiver, analog: &ANALOG, returns, background: &[], key }
     }
 
-    fn shot(receiver: &Receiver, beam: u32) -> Vec<u16> {
+    fn codes(exposure: &Exposure<'_>) -> Vec<u16> {
         let mut codes = vec![0; 400];
-        let exposure = exposure(receiver, &[NEAR], beam);
-        synthesise(&exposure, &mut ShotBuffers::default(), &mut codes);
+        synthesise(exposure, &mut ShotBuffers::default(), &mut codes);
         codes
     }
 
     #[test]
     fn the_tail_begins_where_clipping_ends_and_decays_with_its_constant() {
         let receiver = slow();
+        let shot = |receiver: &Receiver, beam| codes(&exposure(receiver, &[NEAR], beam));
         let mut difference = vec![0.0; 400];
         const SHOTS: u32 = 200;
         for beam in 0..SHOTS {
@@ -221,13 +221,8 @@ mod tests {
             [(slow(), [weak]), (Receiver { overload_tail_ns: 7.0, ..Receiver::default() }, [NEAR])]
         {
             for beam in 0..20 {
-                let run = |receiver: &Receiver| {
-                    let mut codes = vec![0; 400];
-                    let exposure = exposure(receiver, &returns, beam);
-                    synthesise(&exposure, &mut ShotBuffers::default(), &mut codes);
-                    codes
-                };
-                assert_eq!(run(&receiver), run(&Receiver::default()));
+                let shot = |receiver: &Receiver| codes(&exposure(receiver, &returns, beam));
+                assert_eq!(shot(&receiver), shot(&Receiver::default()));
             }
         }
     }
@@ -237,14 +232,10 @@ mod tests {
 
     /// Mean waveform of 400 shots.
     fn means(analog: &Analog, returns: &[Return]) -> Vec<f64> {
-        let mut sum = vec![0.0; 400];
+        let (receiver, mut sum) = (Receiver::default(), vec![0.0; 400]);
         for beam in 0..400 {
-            let receiver = Receiver::default();
-            let key = noise_key(3, Trigger { frame: 0, beam, shot: 0 });
-            let exposure = Exposure { receiver: &receiver, analog, returns, background: &[], key };
-            let mut codes = vec![0; 400];
-            synthesise(&exposure, &mut ShotBuffers::default(), &mut codes);
-            for (sum, code) in sum.iter_mut().zip(codes) {
+            let exposure = Exposure { analog, ..exposure(&receiver, returns, beam) };
+            for (sum, code) in sum.iter_mut().zip(codes(&exposure)) {
                 *sum += f64::from(code) / 400.0;
             }
         }
@@ -263,10 +254,8 @@ mod tests {
             assert!((rising - expected).abs() < 1.0, "sample {n}: {rising} against {expected}");
         }
         // 37 dB down the noise is below a code.
-        let mut codes = vec![0; 400];
         let (receiver, analog) = (slow(), lifted(RISING));
-        let exposure = Exposure { analog: &analog, ..exposure(&receiver, &[], 0) };
-        synthesise(&exposure, &mut ShotBuffers::default(), &mut codes);
+        let codes = codes(&Exposure { analog: &analog, ..exposure(&receiver, &[], 0) });
         let spread = |codes: &[u16]| codes.iter().max().unwrap() - codes.iter().min().unwrap();
         assert!(spread(&codes[..40]) <= 2 && spread(&codes[300..]) > 30, "{codes:?}");
     }
