@@ -52,7 +52,7 @@ impl Purpose {
     }
 }
 
-/// Stream of one vibration of the sensor, by its number.
+/// Stream of the vibration of one column of beams, or of one beam, by its number.
 pub fn shaking(seed: u64, number: u64) -> Stream {
     Purpose::Shaking.for_number(seed, number)
 }
