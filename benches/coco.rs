@@ -1,5 +1,5 @@
-//! The child of a COCO bridge: proposes points by CMA-ES on standard output, reads their values
-//! from standard input.
+//! CMA-ES for a COCO bridge: a child process that writes points to standard output and reads their
+//! values from standard input.
 //!
 //! ```text
 //! bridge → child   INIT n whole seed budget | lower… | upper… | start…
@@ -7,8 +7,8 @@
 //! bridge → child   f, or STOP
 //! ```
 //!
-//! The first `whole` coordinates are whole numbers. A search that stops is followed by one of twice
-//! the population from elsewhere (IPOP). Points stay within the bounds. With PYCMA set, the
+//! The first `whole` coordinates are whole numbers. After a search stops, another one starts
+//! elsewhere with twice the population (IPOP). Points stay within the bounds. With PYCMA set, the
 //! constants are pycma's.
 
 use std::error::Error;
@@ -21,7 +21,7 @@ use rand_chacha::ChaCha8Rng;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// What the first line says.
+/// Problem, from the first line.
 struct Problem {
     seed: u64,
     whole: usize,
@@ -48,13 +48,13 @@ impl Problem {
         Ok(Self { seed, whole: whole as usize, lower, upper, start })
     }
 
-    /// The whole numbers from bound to bound, or every value.
+    /// Kind of a coordinate: the whole numbers between the bounds, or real.
     fn kind(&self, i: usize) -> Coordinate {
         let count = || (self.upper[i] - self.lower[i]) as usize + 1;
         if i < self.whole { Coordinate::Whole(count()) } else { Coordinate::Real }
     }
 
-    /// The value at 0 and at 1: of whole numbers, the outer walls of the outermost cells.
+    /// Values at 0 and 1 of the cube; for whole numbers, the outer walls of the outermost cells.
     fn walls(&self, i: usize) -> (f64, f64) {
         let half = if i < self.whole { 0.5 } else { 0.0 };
         (self.lower[i] - half, self.upper[i] + half)
@@ -70,7 +70,7 @@ impl Problem {
         (low + u * (up - low)).clamp(self.lower[i], self.upper[i])
     }
 
-    /// The search of a restart: the first from the start given, later ones from anywhere.
+    /// Search of a restart: the first begins at the given start, later ones at random.
     fn search(&self, restart: u64) -> Result<CmaEs> {
         let n = self.start.len();
         let seed = self.seed << 16 | restart;
@@ -95,7 +95,7 @@ fn numbers<T: FromStr<Err: Error + 'static>>(text: &str) -> Result<Vec<T>> {
     Ok(text.split_whitespace().map(str::parse).collect::<std::result::Result<_, _>>()?)
 }
 
-/// The value of a point; `None`: the bridge has heard enough.
+/// Value of a point; `None` when the bridge stops.
 fn evaluate(point: &[f64], replies: &mut Lines<StdinLock<'_>>) -> Result<Option<f64>> {
     let words: Vec<String> = point.iter().map(f64::to_string).collect();
     println!("{}", words.join(" "));
@@ -106,15 +106,14 @@ fn evaluate(point: &[f64], replies: &mut Lines<StdinLock<'_>>) -> Result<Option<
     }
 }
 
-/// How long the best value of a generation has stood still.
+/// Number of generations without progress of the best value.
 struct Flatness {
     generations: u32,
     best: f64,
 }
 
 impl Flatness {
-    /// COCO's functions have no noise: a best value that has not moved for 40 generations by 1e-12
-    /// will not.
+    /// True after 40 generations without progress of 1e-12: COCO's functions have no noise.
     fn holds_after(&mut self, values: &[f64]) -> bool {
         let best = values.iter().copied().fold(f64::INFINITY, f64::min);
         let moved = (best - self.best).abs() > 1e-12 * best.abs().max(1.0);

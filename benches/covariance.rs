@@ -1,10 +1,10 @@
-//! How well the covariance of a motion foretells its error.
+//! Consistency of the covariance of a motion with its error.
 //!
 //! usage: covariance FOLDER..., each of `echoloop pairs`; registers every pair by ICP and GICP from
 //! the identity, with the defaults, with the settings that `register` chooses, and with the
-//! defaults but no kernel. Prints how many came within 0.5 m and 2.5°, and of these the squared
-//! error over its expectation, `ξᵀ C⁻¹ ξ / 6`: mean, median, largest, and the share within the
-//! ellipsoid that should hold 95 %.
+//! defaults without a kernel. Prints the number of pairs within 0.5 m and 2.5°, and for these the
+//! ratio of the squared error to its expectation, `ξᵀ C⁻¹ ξ / 6`: mean, median, largest, and the
+//! share within the ellipsoid of 95 %.
 
 use std::error::Error;
 use std::path::Path;
@@ -14,7 +14,7 @@ use echoloop_registration::pose::{Pose, read_pose, rotation_error_deg, translati
 use echoloop_registration::{FgrMode, Method, MethodConfig, Suggestions, build};
 use rayon::prelude::*;
 
-/// 95 % of a sum of six squared normal numbers are below this.
+/// 95 % quantile of χ² with six degrees of freedom.
 const CHI_SQUARED_6_95: f64 = 12.592;
 
 struct Pair {
@@ -23,7 +23,7 @@ struct Pair {
     truth: Pose,
 }
 
-/// The pairs of a folder.
+/// Pairs of a folder.
 fn read(folder: &Path) -> Result<Vec<Pair>, Box<dyn Error>> {
     let text = std::fs::read_to_string(folder.join("pairs.json"))?;
     let document: serde_json::Value = serde_json::from_str(&text)?;
@@ -37,7 +37,7 @@ fn read(folder: &Path) -> Result<Vec<Pair>, Box<dyn Error>> {
     entries.iter().map(pair).collect()
 }
 
-/// Where the settings come from.
+/// Source of the settings.
 #[derive(Clone, Copy, Debug)]
 enum From {
     Defaults,
@@ -62,7 +62,7 @@ fn config(method: Method, from: From, pair: &Pair) -> MethodConfig {
     config
 }
 
-/// The normalised squared error; absent where the pair was not registered.
+/// Normalised squared error; `None` when the pair was not registered.
 fn normalized(method: Method, from: From, pair: &Pair) -> Option<f64> {
     let method = build(&config(method, from, pair), None).ok()?;
     let outcome = method.register(&pair.target, &pair.source, &Pose::identity());

@@ -12,7 +12,7 @@ use echoloop_registration::cloud::normals;
 use echoloop_registration::features::fpfh;
 use nalgebra::{Point3, Vector3};
 
-/// How often the work is timed; the least counts.
+/// Number of timed runs, of which the fastest counts.
 const REPEATS: usize = 9;
 
 fn triples(path: &str) -> Result<Vec<[f32; 3]>, Box<dyn Error>> {

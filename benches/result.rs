@@ -1,6 +1,6 @@
-//! How a program of the benches fails.
+//! Result type of the benches' programs.
 
 use std::error::Error;
 
-/// What a `main` may return, whatever went wrong, and what threads may hand on.
+/// Result with any error, which may be passed between threads.
 pub(crate) type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;

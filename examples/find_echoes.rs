@@ -4,9 +4,9 @@
 //! cargo run --release -p echoloop-examples --example find_echoes
 //! ```
 //!
-//! This is the sensor's DSP: it knows the emitted pulse and the converter. For records of other
-//! instruments, of which nothing is known, see `echoloop echoes`. In firmware of your own, see
-//! `own_firmware` beside this file.
+//! This is the sensor's DSP, which knows the emitted pulse and the converter. For records of
+//! unknown instruments, see `echoloop echoes`. For firmware of your own, see `own_firmware` beside
+//! this file.
 
 use std::error::Error;
 use std::f64::consts::PI;

@@ -5,11 +5,10 @@
 //! cargo run --release -p echoloop-examples --example own_method -- target.ply source.ply
 //! ```
 //!
-//! A method is a type that implements [`Registration`]: it gets two clouds and where to start, and
-//! returns an [`Outcome`] that says what it found and why it ended. Whatever does so can be
-//! finished by another method ([`Refined`]) and put into the table of
-//! `host/registration/src/tests.rs`, which tries it on known motions, both directions, several
-//! starts and every bad cloud we know of.
+//! A method is a type that implements [`Registration`]: it gets two clouds and an initial pose, and
+//! returns an [`Outcome`] with the pose and the reason to stop. Another method can refine its
+//! result ([`Refined`]). Add it to the table of `host/registration/src/tests.rs`, which tries it on
+//! known motions, both directions, several starts and every bad cloud we know of.
 
 use std::error::Error;
 use std::path::Path;
@@ -24,8 +23,7 @@ use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3
 #[path = "common/yard.rs"]
 mod yard;
 
-/// Point-to-point ICP (Besl and McKay 1992): pair with the nearest, lay the pairs on each other,
-/// repeat.
+/// Point-to-point ICP (Besl and McKay 1992): pairs nearest points, aligns the pairs, repeats.
 struct PointToPoint {
     voxel_m: f64,
     max_pair_distance_m: f64,

@@ -15,7 +15,7 @@ fn objective(x: &[f64]) -> f64 {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // Scale your parameters to 0..1: the search stays inside, by reflection. The seed decides all.
+    // Scale your parameters to 0..1: the search stays inside, by reflection.
     let mut config = CmaEsConfig::unit_cube(vec![0.2, 0.8], 0.2, 1);
     config.stops = Stops { generations: Some(500), target: Some(1e-10), ..Stops::default() };
     let mut search = CmaEs::new(config)?;
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         if let Some(reason) = search.stop() {
             break reason;
         }
-        // The candidates do not depend on each other: evaluate them in parallel if they are dear.
+        // The candidates are independent: evaluate them in parallel if that is expensive.
         let candidates = search.ask();
         let values: Vec<f64> = candidates.iter().map(|c| objective(&c.phenotype)).collect();
         for (candidate, &value) in candidates.iter().zip(&values) {

@@ -23,8 +23,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         [] => (yard::seen_from(1, &Pose::identity()), yard::seen_from(2, &yard::second_place())),
         _ => return Err("usage: register_two_clouds [TARGET SOURCE]".into()),
     };
-    // From near: point-to-plane ICP, with voxel, radii and distances that suit these clouds. From
-    // anywhere: `Fgr` with `suggest_features`, as `echoloop register --method fgr` does.
+    // From a nearby start: point-to-plane ICP, with voxel, radii and distances chosen for these
+    // clouds. From any start: `Fgr` with `suggest_features`, as `echoloop register --method fgr`.
     let icp = Icp::new(suggest(&target, &source))?;
     let outcome = icp.register(&target, &source, &Pose::identity());
     println!("{}, {} pairs, {:.3} m rms", outcome.stop, outcome.pairs, outcome.rmse_m);

@@ -1,8 +1,8 @@
 //! CPU time of MAC on one thread, from matches to a motion, in ms.
 //!
-//! `synthetic/N` are N matches, 4 % of them right. `published/5678` are those of the method's own
-//! demonstration, when ECHOLOOP_DATA is set, at the two thresholds that it offers (scores above
-//! 0.999 and 0.99 at τ = 0.1 m); its C++ takes 7.8 s for the first.
+//! `synthetic/N` has N matches, 4 % of them right. `published/5678`, with ECHOLOOP_DATA set, has
+//! the matches of the method's own demonstration at both of its thresholds (scores above 0.999 and
+//! 0.99 at τ = 0.1 m); its C++ takes 7.8 s for the first.
 
 mod cpu;
 
@@ -18,7 +18,7 @@ use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Matches in a scene 80 m wide; the right ones 5 cm off.
+/// Random matches in a scene 80 m wide; right ones are off by 5 cm.
 fn matches(count: usize) -> Vec<PointPair> {
     let rng = &mut ChaCha8Rng::seed_from_u64(3);
     let truth = Pose::new(Vector3::new(8.0, -3.0, 0.2), Vector3::new(0.0, 0.0, 1.9));
@@ -35,7 +35,7 @@ fn matches(count: usize) -> Vec<PointPair> {
     (0..count).map(pair).collect()
 }
 
-/// Six numbers a line: where the source has the point, and the target.
+/// Matches from lines of six numbers: the point in the source, and in the target.
 fn published() -> Option<Vec<PointPair>> {
     let path =
         PathBuf::from(std::env::var_os("ECHOLOOP_DATA")?).join("mac_correspondences/corr_data.txt");

@@ -1,7 +1,7 @@
-//! Time of mutual matching on one thread, in ms of processor time a pair of clouds.
+//! CPU time of mutual matching on one thread, in ms per pair of clouds.
 //!
-//! `synthetic/n` are clustered histograms. With `ECHOLOOP_FEATURES=source.f32,target.f32` (33
-//! little-endian f32 a row) those too.
+//! `synthetic/n` has clustered histograms. `ECHOLOOP_FEATURES=source.f32,target.f32` (33
+//! little-endian f32 a row) adds a pair of one's own.
 
 mod cpu;
 
@@ -14,7 +14,7 @@ use echoloop_registration::features::{DIMENSIONS, Features, matching};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Three histograms a row that each sum to 200, drawn around `centres` shapes.
+/// Random features of three histograms that each sum to 200, clustered around `centres` shapes.
 fn histograms(seed: u64, rows: usize, centres: usize) -> Features {
     let shapes = &mut ChaCha8Rng::seed_from_u64(7);
     let shapes: Vec<[f32; DIMENSIONS]> =

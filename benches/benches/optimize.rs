@@ -1,4 +1,4 @@
-//! Time of one generation, ask and tell, in ms; what evaluations cost comes on top.
+//! CPU time of one generation, ask and tell, in ms, without the evaluations.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use echoloop_cmaes::{CmaEs, CmaEsConfig, Coordinate};
@@ -15,7 +15,7 @@ fn generation(criterion: &mut Criterion, kind: &str, coordinates: Vec<Coordinate
         search.ask().iter().map(|c| c.phenotype.iter().sum()).collect::<Vec<f64>>()
     };
     for _ in 0..50 {
-        // The first covariances are easier to decompose than later ones.
+        // Warms up: the first covariances are easier to decompose than later ones.
         let _ = search.tell(&worth(&search));
     }
     let values = worth(&search);

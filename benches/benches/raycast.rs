@@ -1,9 +1,9 @@
-//! CPU time of tracing on one thread: Mray/s in the default scenes, along the default scanner's
+//! CPU time of ray casting on one thread: Mray/s in the default scenes, along the default scanner's
 //! beams of 25 sub-rays, from viewpoints of pairs.
 //!
-//! `KIND-SEED/beams` is what a scan casts, `/alone` the same rays one by one, `/obvhs` what the
-//! library does by itself: its medium build and its traversal, with its own test of a triangle.
-//! `/build` is the hierarchy and `/scan` a whole scan, where an element is a beam.
+//! `KIND-SEED/beams` casts the rays of a scan, `/alone` the same rays one by one, `/obvhs` with the
+//! library alone: its medium build, its traversal and its triangle test. `/build` builds the
+//! hierarchy, and `/scan` makes a whole scan, in beams per second.
 
 mod cpu;
 
@@ -23,7 +23,7 @@ use obvhs::bvh2::{Bvh2, builder::build_bvh2_from_tris};
 use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
 
-/// A place to stand in.
+/// A viewpoint in a scene.
 fn viewpoint(scene: &Scene, caster: &Raycaster, seed: u64) -> Option<Isometry3<f64>> {
     let config = RunConfig::default();
     let plan = PairPlan {
@@ -39,7 +39,7 @@ fn viewpoint(scene: &Scene, caster: &Raycaster, seed: u64) -> Option<Isometry3<f
     Some(sample_pairs(scene, caster, &plan).ok()?.first()?.world_from_first)
 }
 
-/// The library alone.
+/// Ray casting with the library alone.
 struct Plain {
     bvh: Bvh2,
     triangles: Vec<Triangle>,

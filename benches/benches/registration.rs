@@ -1,8 +1,7 @@
-//! CPU time of each stage of a registration on one thread, in ms a cloud or a pair: another program
-//! on the machine disturbs it less than it does the clock.
+//! CPU time of each stage of a registration on one thread, in ms per cloud or pair.
 //!
-//! `synthetic/70k` is a yard sampled at random; `small_gicp/70k` and `carla/71k` the pairs of those
-//! names, when ECHOLOOP_DATA is set. `icp` and `gicp` align clouds already prepared, as
+//! `synthetic/70k` is a randomly sampled yard; with ECHOLOOP_DATA set, `small_gicp/70k` and
+//! `carla/71k` are the pairs of those names. `icp` and `gicp` align prepared clouds, as
 //! small_gicp's `align` does; `register` goes from points to motion.
 
 mod cpu;
@@ -43,7 +42,7 @@ fn yard(seed: u64, world_from_sensor: &Pose) -> Cloud {
     Cloud::new(points)
 }
 
-/// What both methods share.
+/// Stages shared by both methods.
 fn preparation(criterion: &mut Criterion<CpuTime>, name: &str, target: &Cloud) {
     let config = IcpConfig::outdoor();
     let Ok(thin) = voxel::downsample(target, config.voxel_m) else {

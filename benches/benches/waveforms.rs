@@ -1,10 +1,10 @@
 //! Speed of the waveform path: `cargo bench -p echoloop-benches --bench waveforms`. Throughput is
 //! in samples.
 //!
-//! `pipeline/…`: ADC codes to echoes, 1,024 samples and 15 taps (16 with the filter's zero): as
-//! compiled for the baseline processor, as the compiler vectorises it for x86-64-v3, and with the
-//! loops said by hand. `front_end/…`: returns to ADC codes. `scan/…`: a whole scan through the
-//! sensor, link included, on one core.
+//! `pipeline/…` goes from ADC codes to echoes, with 1,024 samples and 15 taps (16 with the filter's
+//! zero): compiled for the baseline processor, vectorised by the compiler for x86-64-v3, and with
+//! loops in intrinsics. `front_end/…` goes from returns to ADC codes. `scan/…` is a whole scan by
+//! the sensor, link included, on one core.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -32,7 +32,7 @@ const ANALOG: Analog = Analog {
     ..Analog::USUAL
 };
 
-/// Two returns a beam, from strong to none.
+/// Scene with two returns per beam, from strong to none.
 fn returns(beam: u32) -> [Return; 2] {
     let near = 8.0 + f64::from(beam % 64);
     let strength = |range_m: f64| Return {

@@ -1,11 +1,11 @@
-//! How fast waveforms go over a serial line to a sensor, against what the line can carry.
+//! Rate of waveforms sent to a sensor over a serial line, relative to the line's capacity.
 //!
 //! ```sh
 //! cargo run --release -p echoloop-benches --bin line
 //! ```
 //!
-//! Host and sensor have a pseudo-terminal each; between the two a relay lets no byte pass before a
-//! line of that speed would have carried those before it. The sensor is the firmware on this PC.
+//! Host and sensor have a pseudo-terminal each. A relay between them delays bytes as a line of that
+//! speed would. The sensor is the firmware on this PC.
 
 #[cfg(unix)]
 mod relay;
@@ -47,7 +47,7 @@ mod measured {
         /// Samples of a waveform.
         #[arg(long, default_values_t = [200, 800, 2_400])]
         samples: Vec<i32>,
-        /// About how long each scan is to take, s.
+        /// Approximate duration of each scan, s.
         #[arg(long, default_value_t = 5.0)]
         seconds: f64,
     }
@@ -63,7 +63,7 @@ mod measured {
         }
     }
 
-    /// Of ten bits on the line, eight carry: kbit/s.
+    /// Capacity of the line, kbit/s: eight of ten bits are data.
     fn limit_kbit_s(baud: u32) -> f64 {
         0.8e-3 * f64::from(baud)
     }
@@ -82,7 +82,7 @@ mod measured {
         );
     }
 
-    /// Of about so many beams: no row has more than 1,000.
+    /// Pattern of about this many beams; a row has at most 1,000.
     fn model(beams: u32) -> Model {
         let receiver = Receiver::default();
         let hardware = hardware_for(&receiver);
@@ -92,14 +92,14 @@ mod measured {
         Model { receiver, pattern, hardware, detector: Detector::Firmware }
     }
 
-    /// A wall before every beam.
+    /// Scene with a wall in every beam.
     fn scene(beams: u32) -> Arc<SceneResponse> {
         let wall = |range_m: f32| Return { range_m, strength_per_m2: 0.1 / range_m.powi(2) };
         let returns = (0..beams).map(|beam| wall(5.0 + (beam % 90) as f32)).collect();
         Arc::new(SceneResponse { beams: (0..=beams).collect(), returns })
     }
 
-    /// How long a scan takes, its settings already there.
+    /// Duration of a scan after configuration.
     fn scan_s(model: &Model, samples: i32, baud: u32) -> f64 {
         let Ends { relay, host, board } = Relay::between_terminals(baud);
         let stop = AtomicBool::new(false);
@@ -108,13 +108,13 @@ mod measured {
             scope.spawn(|| {
                 let mut sensor = PcSensor::new(model.front_end(), model.pattern, model.hardware);
                 let mut line = Serial::from_open_port(board, "board").expect("a port");
-                // At the end the relay may go first.
+                // At the end, the relay may stop first.
                 let _ = serve(&mut line, &mut sensor, &|| stop.load(Ordering::Relaxed));
             });
             let line = Serial::from_open_port(host, "host").expect("a port");
             let line = Box::new(line);
             let mut sensor = Sensor::fed(line, model, Serial::retry_policy(baud)).expect("hello");
-            // A pulse that the fewest samples resolve.
+            // A pulse that even the fewest samples resolve.
             let (pulse_width_ps, power_uw) = (15_000, 20_000_000);
             let wide = Settings { pulse_width_ps, power_uw, ..Settings::default() };
             let settings = Settings { bins: samples, ..wide };

@@ -1,4 +1,4 @@
-//! A line of a certain speed between two pseudo-terminals.
+//! Relay of a certain speed between two pseudo-terminals.
 
 use std::io::{ErrorKind, Read, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,34 +7,34 @@ use std::time::{Duration, Instant};
 
 use serialport::{SerialPort, TTYPort};
 
-/// Bits a byte takes on a line.
+/// Bits per byte on a line.
 const BITS_PER_BYTE: f64 = 10.0;
-/// How often a way that is idle is looked at.
+/// Polling interval of an idle direction.
 const LOOK_UP: Duration = Duration::from_millis(1);
 
-/// Carries bytes both ways.
+/// Carries bytes in both directions.
 pub(crate) struct Relay {
     ways: [Way; 2],
 }
 
-/// A relay, and what is to be connected by it.
+/// A relay, and both ends of its line.
 pub(crate) struct Ends {
     pub(crate) relay: Relay,
     pub(crate) host: TTYPort,
     pub(crate) board: TTYPort,
 }
 
-/// One way.
+/// One direction.
 struct Way {
     from: TTYPort,
     to: TTYPort,
     byte: Duration,
-    /// Bytes that leave at once: those of a millisecond.
+    /// Bytes sent at once: those of a millisecond.
     most: usize,
 }
 
 impl Relay {
-    /// A line of that speed, and both its ends.
+    /// A line of this speed, with both ends.
     pub(crate) fn between_terminals(baud: u32) -> Ends {
         let pair = || TTYPort::pair().expect("terminals");
         let ((near, host), (far, board)) = (pair(), pair());
@@ -44,7 +44,7 @@ impl Relay {
         Ends { relay, host, board }
     }
 
-    /// Carries until told to stop.
+    /// Carries bytes until told to stop.
     pub(crate) fn run(self, stop: &AtomicBool) {
         thread::scope(|scope| {
             for mut way in self.ways {
@@ -61,8 +61,8 @@ impl Way {
         Self { from, to, byte, most }
     }
 
-    /// So many bytes leave at the end of the time that they take after those before them. Where
-    /// they waited for this thread, they take it from when they could have left.
+    /// Waits until a line would have carried this many more bytes. Time for which bytes waited for
+    /// this thread counts.
     fn run(&mut self, stop: &AtomicBool) {
         let mut buffer = vec![0; self.most];
         let mut free = Instant::now();
@@ -72,7 +72,7 @@ impl Way {
             let length = match self.from.read(&mut buffer) {
                 Ok(length) => length,
                 Err(error) if error.kind() == ErrorKind::TimedOut => continue,
-                Err(_) => return, // its end has gone
+                Err(_) => return, // the other end is closed
             };
             if !waiting {
                 free = free.max(Instant::now());

@@ -1,4 +1,4 @@
-//! Real numbers without bounds: the usual functions, from the usual starts.
+//! Unbounded real numbers: the usual functions, from the usual starts.
 
 use echoloop_cmaes::{CmaEs, CmaEsConfig, CmaEsConfigError, Constants, StopReason, Stops};
 
@@ -6,7 +6,7 @@ use super::functions::{
     bent_cigar, different_powers, ellipsoid, rosenbrock, sphere, turned_ellipsoid,
 };
 
-/// A function, where searches of it start, and with which step size.
+/// A function, with the start point and step size of its searches.
 #[derive(Clone, Copy)]
 pub(crate) struct Function {
     pub(crate) name: &'static str,
@@ -15,7 +15,7 @@ pub(crate) struct Function {
     sigma: f64,
 }
 
-/// The table's.
+/// Problems of the table.
 pub(crate) const FUNCTIONS: [Function; 6] = {
     const fn from_three(name: &'static str, value: fn(&[f64]) -> f64) -> Function {
         Function { name, value, start: 3.0, sigma: 2.0 }
@@ -31,7 +31,7 @@ pub(crate) const FUNCTIONS: [Function; 6] = {
 };
 
 impl Function {
-    /// Evaluations to 1e-8 of at most 2e4 n; `None` where the search ended before.
+    /// Evaluations to 1e-8, at most 2e4 n; `None` when the search ended before.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! The functions of the tables.
+//! Test functions of the tables.
 
 /// Squared distance.
 pub(crate) fn sphere(x: &[f64]) -> f64 {
@@ -11,7 +11,7 @@ pub(crate) fn ellipsoid(x: &[f64]) -> f64 {
     x.iter().enumerate().map(|(i, v)| libm::pow(1e6, i as f64 / last) * v * v).sum()
 }
 
-/// The ellipsoid turned by Householder reflections; the peers turn by the same.
+/// The ellipsoid rotated by Householder reflections, the same as for the peers.
 pub(crate) fn turned_ellipsoid(x: &[f64]) -> f64 {
     let mut y = x.to_vec();
     for k in 1..=x.len() {
@@ -22,7 +22,7 @@ pub(crate) fn turned_ellipsoid(x: &[f64]) -> f64 {
     ellipsoid(&y)
 }
 
-/// The banana valley.
+/// Rosenbrock's function, a curved valley.
 pub(crate) fn rosenbrock(x: &[f64]) -> f64 {
     x.windows(2)
         .map(|w| 100.0 * libm::pow(w[1] - w[0] * w[0], 2.0) + libm::pow(1.0 - w[0], 2.0))

@@ -1,5 +1,5 @@
-//! Runs of the optimiser, a line of JSON each, for `cargo xtask peers --optimiser`, which puts them
-//! beside pycma and cmaes.
+//! Runs of the optimiser, one line of JSON each, for `cargo xtask peers --optimiser`, which
+//! compares them with pycma and cmaes.
 //!
 //! ```sh
 //! cargo run --release -p echoloop-benches --bin optimiser -- continuous --seeds 15
@@ -17,14 +17,14 @@ use serde_json::{Value, json};
 
 use echoloop_cmaes::{Constants, Coordinate};
 
-/// Which table, and how many runs of each row.
+/// Table to run, and number of runs per row.
 #[derive(Parser)]
 struct Options {
     table: Table,
-    /// Seeds of each row.
+    /// Number of seeds per row.
     #[arg(long, default_value_t = 15)]
     seeds: u64,
-    /// The first of them.
+    /// First seed.
     #[arg(long, default_value_t = 0)]
     from: u64,
 }
@@ -35,11 +35,11 @@ enum Table {
     Continuous,
     /// Evaluations to 1e-10 where half of the numbers are whole, or bits.
     Mixed,
-    /// What is lost after 160, 320 and 480 noisy evaluations of 16 parameters of all kinds.
+    /// Loss after 160, 320 and 480 noisy evaluations of 16 parameters of all kinds.
     Small,
 }
 
-/// The published sets.
+/// Published sets of constants.
 const CONSTANTS: [(&str, Constants); 2] =
     [("tutorial", Constants::Tutorial), ("pycma", Constants::Pycma)];
 

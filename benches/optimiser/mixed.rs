@@ -1,5 +1,5 @@
 //! Half real, half whole numbers or bits: the functions of "CMA-ES with Margin" (Hamano et al.,
-//! GECCO 2022), as its authors' EvoConJP/CMA-ES_with_Margin defines them.
+//! GECCO 2022), as defined in its authors' EvoConJP/CMA-ES_with_Margin.
 
 use echoloop_cmaes::{
     CmaEs, CmaEsConfig, CmaEsConfigError, Constants, Coordinate, StopReason, Stops,
@@ -12,12 +12,12 @@ use super::functions::{ellipsoid, sphere};
 #[derive(Clone, Copy)]
 pub(crate) struct Function {
     pub(crate) name: &'static str,
-    /// Values of a whole number: −10 to 10, or 0 and 1.
+    /// Number of values of a whole number: −10 to 10, or 0 and 1.
     pub(crate) count: usize,
     value: fn(&[f64]) -> f64,
 }
 
-/// The table's.
+/// Problems of the table.
 pub(crate) const FUNCTIONS: [Function; 4] = [
     Function { name: "SphereInt", count: 21, value: sphere },
     Function { name: "EllipsoidInt", count: 21, value: ellipsoid },
@@ -34,12 +34,12 @@ impl Function {
         (self.value)(x)
     }
 
-    /// Where u = 0 lies; u = 1 is `count` above.
+    /// Value at u = 0; at u = 1 it is larger by `count`.
     fn low(&self) -> f64 {
         if self.count == 2 { -0.5 } else { -10.5 }
     }
 
-    /// Evaluations to 1e-10 of at most min(1e4 n, 2e5); `None` where the search ended before.
+    /// Evaluations to 1e-10, at most min(1e4 n, 2e5); `None` when the search ended before.
     ///
     /// # Errors
     ///
@@ -75,7 +75,7 @@ impl Function {
         Ok(solved.then_some(search.generation() as usize * lambda))
     }
 
-    /// The numbers at a point of the search.
+    /// Numbers at a point of the cube.
     fn point(&self, u: &[f64]) -> Vec<f64> {
         let (half, width) = (u.len() / 2, self.count as f64);
         let real = |u: &f64| self.low() + u * width;

@@ -1,30 +1,30 @@
-//! What the closed loop has: few evaluations, 16 parameters of all kinds, noise.
+//! Problems like the closed loop's: few evaluations, 16 parameters of all kinds, noise.
 
 use echoloop_cmaes::{CmaEs, CmaEsConfig, CmaEsConfigError, Constants, Coordinate};
 use echoloop_random::Generator;
 
-/// Real, then whole numbers and choices with how many values.
+/// Number of real parameters, and numbers of values of whole ones and choices.
 const REALS: usize = 10;
 const WHOLE: [usize; 3] = [4, 16, 91];
 const NAMES: [usize; 3] = [2, 3, 4];
 
-/// When the mean is looked at.
+/// Generations after which the mean is evaluated.
 const GENERATIONS: [u64; 3] = [10, 20, 30];
 
-/// How a search is told of the parameters that are not real.
+/// Treatment of the parameters that are not real.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Arm {
     pub(crate) name: &'static str,
-    /// Whole numbers with their margin, or rounded by the function alone.
+    /// True for whole numbers with margin, false for reals rounded by the function.
     pub(crate) whole: bool,
     pub(crate) choices: Choices,
     pub(crate) constants: Constants,
 }
 
-/// How choices are told.
+/// Treatment of choices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Choices {
-    /// As real numbers, rounded by the function alone.
+    /// As real numbers, rounded by the function.
     Rounded,
     /// As whole numbers.
     Whole,
@@ -32,7 +32,7 @@ pub(crate) enum Choices {
     Names,
 }
 
-/// The arms, the plain one first.
+/// Arms of the comparison, the plain one first.
 pub(crate) const ARMS: [Arm; 4] = {
     use Choices::{Names, Rounded, Whole};
     const fn arm(name: &'static str, whole: bool, choices: Choices) -> Arm {
@@ -49,17 +49,17 @@ pub(crate) const ARMS: [Arm; 4] = {
     ]
 };
 
-/// One problem: a bowl about an optimum that hangs on the names chosen.
+/// A problem: a bowl around an optimum that depends on the names chosen.
 pub(crate) struct Problem {
     start: Vec<f64>,
     optimum: Vec<f64>,
     weights: Vec<f64>,
-    /// What a name costs, and what it moves: a real parameter, by how much.
+    /// Cost of each name, the real parameter whose optimum it moves, and the distance.
     names: Vec<Vec<(f64, usize, f64)>>,
 }
 
 impl Problem {
-    /// `right`: how likely a choice starts at its right name.
+    /// `right` is the probability that a choice starts at its right name.
     pub(crate) fn new(seed: u64, right: f64) -> Self {
         let mut draw = Generator::new(seed, 0x5ea1);
         let ordered = REALS + WHOLE.len();
@@ -86,7 +86,7 @@ impl Problem {
         }
     }
 
-    /// What is lost at a point, without noise: 0 at best.
+    /// Loss at a point without noise, 0 at the optimum.
     pub(crate) fn loss(&self, point: &[f64]) -> f64 {
         let (ordered, chosen) = point.split_at(self.optimum.len());
         let mut optimum = self.optimum.clone();
@@ -119,8 +119,8 @@ impl Problem {
         config
     }
 
-    /// Loss of the mean after each of [`GENERATIONS`] of 16, told ln(0.03 + loss) with normal noise
-    /// of that size.
+    /// Loss of the mean after each of [`GENERATIONS`] of 16 candidates. The search is told
+    /// ln(0.03 + loss) with normal noise.
     ///
     /// # Errors
     ///
@@ -150,7 +150,7 @@ impl Problem {
     }
 }
 
-/// Which of `count` equal shares of 0 to 1 a coordinate lies in.
+/// Index of the cell, of `count` equal ones of 0 to 1, that holds a coordinate.
 fn cell(u: f64, count: usize) -> usize {
     ((u * count as f64) as usize).min(count - 1)
 }

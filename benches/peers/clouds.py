@@ -20,13 +20,13 @@ PLY_TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "uint16": "<u2"}
 
 
 def header(data, end):
-    """The lines of a header, as words, and what follows it."""
+    """Lines of a header, as words, and the data after it."""
     head, body = data.split(end, 1)
     return [line.split() for line in head.decode().splitlines()], body
 
 
 def read_ply(path):
-    """The vertices of a file of ours, by its header alone."""
+    """Vertices of our PLY file, read by its header alone."""
     lines, body = header(path.read_bytes(), b"end_header\n")
     assert lines[:2] == [["ply"], ["format", "binary_little_endian", "1.0"]], lines
     fields = [(name, PLY_TYPES[kind]) for first, kind, name in (line for line in lines if line[0] == "property")]
@@ -35,7 +35,7 @@ def read_ply(path):
 
 
 def read_pcd(path):
-    """The points of a file of ours, by its header alone."""
+    """Points of our PCD file, read by its header alone."""
     lines, body = header(path.read_bytes(), b"DATA binary\n")
     entry = {line[0]: line[1:] for line in lines if line[0] != "#"}
     assert entry["COUNT"] == ["1"] * len(entry["FIELDS"]) and entry["HEIGHT"] == ["1"], entry
@@ -44,12 +44,12 @@ def read_pcd(path):
 
 
 def places(points):
-    """x, y, z of each."""
+    """Coordinates x, y, z of the points."""
     return np.stack([points[axis] for axis in "xyz"], axis=1)
 
 
 def same(what, found, expected):
-    """Two arrays of one type and the same bits."""
+    """Asserts that two arrays have the same type and bits."""
     found, expected = np.asarray(found), np.asarray(expected)
     assert found.dtype == expected.dtype, f"{what}: {found.dtype} instead of {expected.dtype}"
     assert found.shape == expected.shape, f"{what}: {found.shape} instead of {expected.shape}"
@@ -58,7 +58,7 @@ def same(what, found, expected):
 
 
 def check_scan(points):
-    """What a scan's attributes must be, whatever was scanned."""
+    """Checks properties of a scan's attributes that hold for any scene."""
     assert list(points.dtype.names) == ["x", "y", "z", *ATTRIBUTES], points.dtype.names
     ring, column, at = points["ring"].astype(float), points["column"].astype(float), places(points).astype(float)
     azimuth, elevation = (column + 0.5) * np.pi / COLUMNS - np.pi / 2, (ring + 0.5) * np.pi / ROWS - np.pi / 2
@@ -78,7 +78,7 @@ def check_scan(points):
 
 
 def check_open3d(o3d, path, points):
-    """Open3D reads the same, in the type of the file."""
+    """Checks that Open3D reads the same values, in the types of the file."""
     cloud = o3d.t.io.read_point_cloud(str(path)).point
     same(f"{path.name} positions", cloud.positions.numpy(), places(points))
     others = set(points.dtype.names) - set("xyz")
@@ -91,7 +91,7 @@ def check_open3d(o3d, path, points):
 
 
 def check_register(o3d, run, target, source):
-    """`register` reads what Open3D writes, and Open3D the registered cloud, with every attribute."""
+    """Checks that `register` reads Open3D's files, and Open3D the registered cloud, with every attribute."""
 
     def register(a, b, *more):
         return json.loads(run("register", "-q", "--json", "--method", "icp", a, b, *more))["target_from_source"]

@@ -1,4 +1,4 @@
-"""Clouds, poses, clocks: what every script here shares."""
+"""Clouds, poses and clocks shared by the scripts."""
 
 import statistics
 import time
@@ -20,7 +20,7 @@ class Took(NamedTuple):
 
 
 def clocked(work, n_in):
-    """Runs `work`, which gives a count and a pose or None. CPU time is that of all threads of this process."""
+    """Runs `work`, which returns a count and a pose or None. CPU time is that of all threads of this process."""
     wall, cpu = time.perf_counter(), time.process_time()
     n_out, pose = work()
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
@@ -28,13 +28,13 @@ def clocked(work, n_in):
 
 
 def median(values):
-    """The median, NaN of nothing."""
+    """Median; NaN without values."""
     values = list(values)
     return statistics.median(values) if values else float("nan")
 
 
 def errors(pose, truth):
-    """Metres between the translations, degrees between the rotations."""
+    """Distance of the translations, m, and angle of the rotations, degrees."""
     turn = np.linalg.inv(truth)[:3, :3] @ pose[:3, :3]
     sine = np.linalg.norm([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     degrees = np.degrees(np.arctan2(sine, np.trace(turn) - 1))
@@ -57,7 +57,7 @@ def read_ply(path):
 
 
 class PairFiles(NamedTuple):
-    """Two clouds on disk, how they truly lie, and where local methods start."""
+    """Two clouds on disk, their true motion, and the initial pose of local methods."""
 
     name: str
     target: Path
@@ -71,7 +71,7 @@ class PairFiles(NamedTuple):
 
 
 def offset():
-    """How far from the truth local methods start where the identity is too far: 0.6 m, 2.9°."""
+    """Offset of the initial pose from the truth when the identity is too far: 0.6 m, 2.9°."""
     pose = np.eye(4)
     pose[:2, :2] = [[np.cos(0.05), -np.sin(0.05)], [np.sin(0.05), np.cos(0.05)]]
     pose[:3, 3] = 0.5, -0.3, 0.1

@@ -20,7 +20,7 @@ from report import machine, number, table
 
 DIMENSIONS = [5, 10, 20]
 SIZES = [20, 40]
-# pycma's seeds at most: in 20 dimensions medians are known sooner, and runs are long.
+# Largest number of pycma's seeds: in 20 dimensions runs are long and medians need fewer.
 SEEDS = {5: 201, 10: 201, 20: 31}
 MIXED_SEEDS = {20: 15, 40: 3}
 PYCMA, MARGIN, CATEGORIES = "pycma 4.5.0", "cmaes 0.13.1, CMAwM", "cmaes 0.13.1, CatCMAwM"
@@ -31,7 +31,7 @@ def ellipsoid(x):
 
 
 def turn(n):
-    """The matrix of the same reflections as ours."""
+    """Matrix of the same reflections as in our benches."""
     matrix = np.eye(n)
     for k in range(1, n + 1):
         v = np.sin([i * 7 + k * 13 for i in range(n)])
@@ -59,7 +59,7 @@ MIXED = {"SphereInt": 21, "EllipsoidInt": 21, "SphereOneMax": 2, "EllipsoidOneMa
 
 
 def pycma(function, n, seed):
-    """Evaluations to 1e-8 of at most 2e4 n; None where it stopped before."""
+    """Evaluations to 1e-8, at most 2e4 n; None when it stopped before."""
     import cma
 
     mean, sigma = (0.0, 0.1) if function == "rosenbrock" else (3.0, 2.0)
@@ -70,7 +70,7 @@ def pycma(function, n, seed):
 
 
 def mixed_value(function, real, whole):
-    """The value at real and whole numbers, or bits."""
+    """Value at real and whole numbers, or bits."""
     value = ellipsoid if function.startswith("Ellipsoid") else CONTINUOUS["sphere"]
     if MIXED[function] == 2:
         return value(real) + float(np.sum(1 - whole))
@@ -86,7 +86,7 @@ def mixed_start(function, n, seed):
 
 
 def cmawm(function, n, seed):
-    """Evaluations to 1e-10 of at most min(1e4 n, 2e5), as whole numbers with a margin."""
+    """Evaluations to 1e-10, at most min(1e4 n, 2e5), with whole numbers by margin."""
     from cmaes import CMAwM
 
     half = n // 2
@@ -104,7 +104,7 @@ def cmawm(function, n, seed):
 
 
 def catcmawm(function, n, seed):
-    """The same, bits as categories."""
+    """Evaluations to 1e-10, with bits as categories."""
     from cmaes import CatCMAwM
 
     half, bits = n // 2, MIXED[function] == 2
@@ -124,7 +124,7 @@ def catcmawm(function, n, seed):
 
 
 def solved(search, ask, function, n):
-    """Evaluations until the target; None where the cap comes first, or no axis is left."""
+    """Evaluations until the target; None when the cap comes first, or no axis is left."""
     evaluations = 0
     while evaluations < min(10_000 * n, 200_000):
         told, best = [], np.inf
@@ -137,7 +137,7 @@ def solved(search, ask, function, n):
         if best <= 1e-10:
             return evaluations
         search.tell(told)
-        # Kept by cmaes without a public name.
+        # A private attribute of cmaes.
         inner = getattr(search, "_cma", search)
         if np.linalg.eigvalsh(inner._sigma**2 * inner._C).min() < 1e-30:
             return None
@@ -145,7 +145,7 @@ def solved(search, ask, function, n):
 
 
 class Kept:
-    """The peers' runs, one a line."""
+    """Stored runs of the peers, one a line."""
 
     def __init__(self, path):
         self.path, self.runs = path, {}
@@ -155,7 +155,7 @@ class Kept:
                 self.runs[tuple(key)] = evaluations
 
     def runs_of(self, who, run, function, n, seeds):
-        """Evaluations of every seed, run where there are none yet."""
+        """Evaluations of every seed; runs those that are not stored yet."""
         for seed in range(seeds):
             key = (who, function, n, seed)
             if key not in self.runs:
@@ -173,14 +173,14 @@ def ours(program, part, seeds, first=0):
 
 
 def medians(values, rounds=2_000):
-    """Medians of so many bootstrap samples."""
+    """Medians of bootstrap samples."""
     values = np.array(values, float)
     draw = np.random.default_rng(1).integers(0, len(values), (rounds, len(values)))
     return np.median(values[draw], axis=1)
 
 
 def figure(runs):
-    """Median with its 95 % interval, and how many of all succeeded unless all did."""
+    """Median with its 95 % interval, and the number of successes unless all succeeded."""
     reached = [run for run in runs if run is not None]
     if not reached:
         return f"– (0/{len(runs)})"
@@ -190,18 +190,18 @@ def figure(runs):
 
 
 def ratio(mine, theirs):
-    """Ours over theirs, with the 95 % interval of both medians drawn anew."""
+    """Ratio of ours to theirs, with a 95 % interval by bootstrap of both medians."""
     mine, theirs = ([run for run in runs if run is not None] for runs in (mine, theirs))
     if not mine or not theirs:
         return "–"
-    # The two orders of the samples must not be the same.
+    # The two sets of samples must be independent.
     drawn = medians(mine) / np.random.default_rng(2).permutation(medians(theirs))
     low, high = np.percentile(drawn, [2.5, 97.5])
     return f"{np.median(mine) / np.median(theirs):.3f} [{low:.3f}, {high:.3f}]"
 
 
 def by_key(rows, *names):
-    """Evaluations by what tells rows apart, in the order of the seeds."""
+    """Evaluations by row, in the order of the seeds."""
     found = {}
     for row in rows:
         found.setdefault(tuple(row[name] for name in names), []).append(row["evaluations"])
@@ -209,7 +209,7 @@ def by_key(rows, *names):
 
 
 def continuous(args, kept):
-    """Real numbers, beside pycma."""
+    """Section on real numbers, compared with pycma."""
     mine = by_key(ours(args.optimiser, "continuous", args.seeds), "function", "n", "who")
     rows = []
     for function in CONTINUOUS:
@@ -223,7 +223,7 @@ def continuous(args, kept):
 
 
 def mixed(args, kept):
-    """Half of the numbers whole, beside CMAwM and CatCMAwM."""
+    """Section on half whole numbers, compared with CMAwM and CatCMAwM."""
     mine = by_key(ours(args.optimiser, "mixed", args.mixed_seeds), "function", "n", "who")
     rows = []
     for n in SIZES:
@@ -238,9 +238,9 @@ def mixed(args, kept):
 
 
 def small(args):
-    """Few noisy evaluations: what is left to lose, and beside the first arm on the same problems."""
+    """Section on few noisy evaluations: loss of each arm, compared with the first on the same problems."""
     losses = {}
-    # The first six hundred served to choose how fast names are learned.
+    # The first six hundred were used to choose the learning rate of names.
     for row in ours(args.optimiser, "small", args.problems, 100_000):
         losses.setdefault((row["right"], row["noise"], row["who"]), []).append(row["losses"])
     rows = []
@@ -254,7 +254,7 @@ def small(args):
 
 
 def cell(logs, apart, is_plain):
-    """The loss in the mean of its logarithm; in per cent beside the plain arm's, with the 95 % interval over the problems."""
+    """Geometric mean of the loss, and its difference to the plain arm in percent, with a 95 % interval over the problems."""
     loss = f"{np.exp(logs.mean()):.3f}"
     if is_plain:
         return loss
@@ -265,7 +265,7 @@ def cell(logs, apart, is_plain):
 
 
 def page(args, kept):
-    """Everything, with what was done to get it."""
+    """The page, with the command and the machine."""
     seeds = f"{args.seeds} seeds each, {min(args.seeds, SEEDS[20])} of pycma's in 20 dimensions, start 3 in every coordinate and step size 2 (Rosenbrock 0 and 0.1), population 4 + ⌊3 ln n⌋, cap 2e4 n."
     head = f"`cargo xtask peers --optimiser{' --quick' * args.quick}`, {datetime.date.today()}, {machine()}."
     parts = [

@@ -1,4 +1,4 @@
-"""The peers' side: Open3D (legacy and tensor), small_gicp, KISS-Matcher, each stage as its users call it."""
+"""Stages of the peers: Open3D (legacy and tensor), small_gicp, KISS-Matcher, called as their users do."""
 
 from functools import cached_property
 
@@ -37,17 +37,17 @@ def legacy(points):
 
 
 def tensor(points):
-    """Open3D's newer cloud, float."""
+    """Open3D's tensor cloud, float."""
     return o3d.t.geometry.PointCloud(o3d.core.Tensor(np.ascontiguousarray(points, np.float32)))
 
 
 def hybrid(radius_m, neighbours):
-    """The nearest so many within a radius."""
+    """Search for the nearest neighbours within a radius."""
     return o3d.geometry.KDTreeSearchParamHybrid(radius=radius_m, max_nn=neighbours)
 
 
 def with_normals(cloud, voxel_m, radius=NORMAL_RADIUS, towards_sensor=True):
-    """A copy with normals; Open3D leaves their signs as they fall unless told otherwise."""
+    """A copy with normals; Open3D does not orient them by default."""
     cloud = o3d.geometry.PointCloud(cloud)
     cloud.estimate_normals(hybrid(radius * voxel_m, NORMAL_NEIGHBOURS))
     if towards_sensor:
@@ -56,7 +56,7 @@ def with_normals(cloud, voxel_m, radius=NORMAL_RADIUS, towards_sensor=True):
 
 
 def with_normals_tensor(cloud, voxel_m):
-    """The same for the tensor cloud, signs as they fall."""
+    """As above, for the tensor cloud, without orientation."""
     cloud = cloud.clone()
     cloud.estimate_normals(max_nn=NORMAL_NEIGHBOURS, radius=NORMAL_RADIUS * voxel_m)
     return cloud
@@ -85,7 +85,7 @@ def fgr_default(source, target, voxel_m):
 
 
 def fgr_tuned(source, target, voxel_m):
-    """The best that Open3D's own options reach: μ falls, to (voxel / radius)², in 256 steps; normals face the sensor.
+    """The best of Open3D's own options: μ falls to (voxel / radius)² in 256 steps; normals face the sensor.
 
     Its options compare μ, a square on points scaled to radius 1, with `maximum_correspondence_distance`; by default μ
     does not fall at all.
@@ -104,7 +104,7 @@ def fgr_tuned(source, target, voxel_m):
 
 
 def kiss(source, target, voxel_m):
-    """KISS-Matcher with its defaults for the voxel, and how many matches agree."""
+    """KISS-Matcher with its defaults for the voxel, and the number of matches that agree."""
     matcher = kiss_matcher.KISSMatcher(kiss_matcher.KISSMatcherConfig(voxel_m))
     found = matcher.estimate(source.astype(np.float32), target.astype(np.float32))
     pose = np.eye(4)
@@ -113,7 +113,7 @@ def kiss(source, target, voxel_m):
 
 
 def kiss_gicp(source, target, voxel_m):
-    """The same, and small_gicp's GICP from there, with pairs within two voxels."""
+    """KISS-Matcher, then small_gicp's GICP with pairs within two voxels."""
     _, pose = kiss(source, target, voxel_m)
     found = small_gicp.align(
         target,
@@ -129,7 +129,7 @@ def kiss_gicp(source, target, voxel_m):
 
 
 class Others:
-    """Stages of a pair; what a stage starts from is worked out when it first runs, before the clock."""
+    """Stages of a pair; inputs of a stage are computed at its first run, before the clock starts."""
 
     def __init__(self, source, target, voxel_m, initial, threads, tensor_icp=True):
         self.source, self.target, self.voxel_m, self.initial, self.threads = source, target, voxel_m, initial, threads
@@ -172,14 +172,14 @@ class Others:
 
     @cached_property
     def prepared(self):
-        """What small_gicp aligns: source, target, and the target's tree."""
+        """Inputs of small_gicp: source, target, and the target's tree."""
         options = {"downsampling_resolution": self.voxel_m, "num_threads": self.threads}
         options["num_neighbors"] = COVARIANCE_NEIGHBOURS
         source, _ = small_gicp.preprocess_points(self.source, **options)
         return source, *small_gicp.preprocess_points(self.target, **options)
 
     def run(self, stage, peer):
-        """One run of a peer's stage. What it starts from is worked out before the clock runs."""
+        """One run of a peer's stage; its inputs are computed before the clock starts."""
         getattr(self, STARTS_FROM.get((stage, peer), "source"))
         n_in = len(self.thin.points) if stage in OF_THINNED else len(self.source)
         return clocked(self.rows[stage][peer], n_in)
@@ -222,7 +222,7 @@ class Others:
         return small_gicp.voxelgrid_sampling(self.gicp_cloud, self.voxel_m, num_threads=self.threads).size(), None
 
     def normals(self):
-        """Open3D builds the tree inside; signs as they fall."""
+        """Open3D, which builds the tree inside and does not orient normals."""
         return len(with_normals(self.thin, self.voxel_m, towards_sensor=False).normals), None
 
     def normals_tensor(self):
@@ -298,7 +298,7 @@ class Others:
         return len(found.correspondence_set), found.transformation
 
     def plane_icp(self):
-        """small_gicp, from what it has prepared, tree included."""
+        """small_gicp, from prepared clouds, tree included."""
         return self._small("PLANE_ICP")
 
     def gicp(self):
@@ -320,7 +320,7 @@ class Others:
         return found.num_inliers, found.T_target_source
 
     def whole(self, kind):
-        """small_gicp from the clouds as they were read; covariances of the 10 nearest, its default."""
+        """small_gicp from the clouds as read; covariances of the 10 nearest, its default."""
         found = small_gicp.align(
             self.target,
             self.source,

@@ -1,4 +1,4 @@
-"""Our side: one process of the example `stages`, asked for stage after stage."""
+"""Our stages: one process of the program `stages`, asked for one stage after another."""
 
 import json
 import subprocess
@@ -10,7 +10,7 @@ from common import Took
 
 
 class Ours:
-    """Stages of a pair. One that fails is said aloud once, and skipped from then on."""
+    """Stages of a pair. One that fails is reported once and skipped from then on."""
 
     def __init__(self, binary, threads):
         self.command = [str(binary), "--serve", "--threads", str(threads)]
@@ -41,7 +41,7 @@ class Ours:
         return answer["points"]
 
     def run(self, stage):
-        """One run, or None when the stage cannot be done."""
+        """One run; None when the stage fails."""
         if stage in self.missing:
             return None
         answer = self._ask({"run": stage})

@@ -1,16 +1,16 @@
-"""Markdown's prose within 100 columns, as the tests ask of every page."""
+"""Wraps Markdown's prose at 100 columns, as the tests require."""
 
 import re
 
 COLUMNS = 100
 
-# A word, with any code span or link's address in it whole.
+# A word; code spans and addresses of links in it stay whole.
 WORD = re.compile(r"(?:`[^`]*`|\]\([^)]*\)|\S)+")
 MARK = re.compile(r"( *)([-*] |\d+\. )?")
 
 
 def wrapped(page):
-    """The page with its paragraphs and list items wrapped anew where a line is too long; tables, code and headings as they are."""
+    """The page with too long paragraphs and list items wrapped again; tables, code and headings stay."""
     done, paragraph, fenced = [], [], False
     for line in page.split("\n"):
         fence = line.lstrip().startswith("```")
@@ -26,12 +26,12 @@ def wrapped(page):
 
 
 def is_prose(line):
-    """Whether a line outside of code may be wrapped."""
+    """True when a line outside of code may be wrapped."""
     return bool(line.strip()) and not line.startswith(("#", "|", "    ", "<!--"))
 
 
 def fill(lines):
-    """A paragraph's lines, wrapped anew if one is too long."""
+    """Lines of a paragraph, wrapped again if one is too long."""
     if all(len(line) <= COLUMNS for line in lines):
         return lines
     mark = MARK.match(lines[0])[0]

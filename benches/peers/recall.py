@@ -47,7 +47,7 @@ SUGGESTED = {
 
 
 def make(args, folder, kind, town, baseline_m, heading_deg, scanner):
-    """Writes a town's pairs once; False where it has no such pairs."""
+    """Writes a town's pairs once; False when it has no such pairs."""
     if (folder / "pairs.json").is_file():
         return True
     columns, rows = SCANNERS[scanner]
@@ -73,7 +73,7 @@ def make(args, folder, kind, town, baseline_m, heading_deg, scanner):
 
 
 def pairs(args, kind, baseline_m, heading_deg, scanner):
-    """The files of a cell's pairs, town after town until there are enough; the poses do not depend on the scanner."""
+    """Files of a cell's pairs, from as many towns as needed; the poses do not depend on the scanner."""
     from common import PairFiles
 
     found = []
@@ -92,13 +92,13 @@ def pairs(args, kind, baseline_m, heading_deg, scanner):
 
 
 def thinned(points):
-    """The first point of each cell."""
+    """First point of each cell."""
     _, first = np.unique(np.floor(points / THIN_M).astype(np.int64), axis=0, return_index=True)
     return points[first]
 
 
 def overlap(target, source, truth):
-    """Share of a scan's cells near one of the other's, under the true motion, in the mean over both."""
+    """Share of a scan's cells that are near a cell of the other under the true motion, mean of both scans."""
     from scipy.spatial import cKDTree
 
     target, source = thinned(target), thinned(source @ truth[:3, :3].T + truth[:3, 3])
@@ -107,7 +107,7 @@ def overlap(target, source, truth):
 
 
 def contestants(ours, files, alone):
-    """Every method as something to run at a voxel, which gives a `Took` or None; ours alone if asked."""
+    """Functions that run each method at a voxel and return a `Took` or None; only ours if asked."""
 
     def run_ours(stage, voxel_m):
         ours.load(files.target, files.source, voxel_m)
@@ -132,12 +132,12 @@ def contestants(ours, files, alone):
 
 
 def town_of(files):
-    """The town's number: a world of its own."""
+    """Number of a town."""
     return files.name.split("-")[0]
 
 
 def registered(pair, who, voxel_m, took, truth):
-    """The row of one run, or none where it could not be done."""
+    """Row of one run; None when it failed."""
     from common import errors
 
     if took is None:
@@ -151,7 +151,7 @@ def registered(pair, who, voxel_m, took, truth):
 
 
 def is_theirs(row):
-    """Whether it is a peer's run."""
+    """True for a peer's run."""
     return "who" in row and not row["who"].startswith("Echoloop")
 
 
@@ -207,7 +207,7 @@ def main():
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
-    # The kinds take turns, and what is done is kept: a run that is stopped is a smaller one, not a lost one.
+    # The kinds take turns and results are kept: a run that is stopped is a smaller one, not a lost one.
     cells = itertools.product(args.baselines, args.headings, args.kinds)
     tasks = [(args, kind, baseline_m, heading_deg) for baseline_m, heading_deg, kind in cells]
     kept = args.ours and args.out.is_file()

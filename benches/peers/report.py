@@ -34,17 +34,17 @@ TRUTH_M = {STREET: 0.05}  # how far the truth itself may be off
 
 
 def number(value, digits):
-    """Figures that mean something; a dash for none."""
+    """A figure with its significant digits; a dash without one."""
     return "–" if value is None or value != value else f"{value:,.{digits}f}"
 
 
 def milliseconds(value):
-    """Three figures."""
+    """A figure with three digits."""
     return number(value, 0 if value >= 100 else 1 if value >= 10 else 2)
 
 
 def table(head, rows):
-    """Markdown."""
+    """A table in Markdown."""
     lines = [head, *rows]
     text = ["| " + " | ".join(map(str, line)) + " |" for line in lines]
     return "\n".join([text[0], "|" + "---|" * len(head), *text[1:]]) + "\n"
@@ -61,7 +61,7 @@ def machine():
 
 
 def vectors():
-    """What its processor computes many numbers at once with."""
+    """Vector unit of the processor."""
     info = Path("/proc/cpuinfo")
     flags = info.read_text().split() if info.is_file() else []
     named = [name for flag, name in (("avx2", "AVX2"), ("avx512f", "AVX-512")) if flag in flags]
@@ -69,7 +69,7 @@ def vectors():
 
 
 def with_mac(rows):
-    """The peers of our MAC are those of our FGR: their rows once more, where we have it."""
+    """Repeats the rows of FGR's peers for our MAC, which has the same peers."""
     theirs = [row for row in rows if row["stage"] == "fgr" and row["who"] != OURS]
     ours = [row for row in rows if row["stage"] == "mac"]
     return [row for row in rows if row["stage"] != "mac"] + [{**row, "stage": "mac"} for row in theirs if ours] + ours
@@ -86,7 +86,7 @@ def speed_tables(result):
 
 
 def speed_table(rows):
-    """Stage by stage; the ratio is theirs over ours, above 1 where we are faster."""
+    """Table by stage; the ratio of theirs to ours is above 1 when ours is faster."""
     ours = {row["stage"]: row for row in rows if row["who"] == OURS}
     lines = []
     for stage in STAGES:
@@ -112,7 +112,7 @@ def speed_line(row, ours):
 
 
 def losses(result):
-    """Every row in which a peer is faster or nearer to the truth than ours of the same stage, as far as the truth goes."""
+    """Rows in which a peer is faster or nearer to the truth than our same stage, within the truth's accuracy."""
     rows, found = with_mac(result["rows"]), []
     key = lambda row: (row["pair"], row["voxel_m"], row["threads"], row["stage"])  # noqa: E731
     ours = {key(row): row for row in rows if row["who"] == OURS}
@@ -184,7 +184,7 @@ def voxel_name(voxel_m):
 
 
 def said_line(who, voxel_m, rows, strangers):
-    """How often a method's own word was wrong."""
+    """Table of how often a method's own verdict was wrong."""
     right, wrong = ([row for row in rows if row["success"] == good] for good in (True, False))
     said = lambda rows, *stops: f"{sum(row['stop'] in stops for row in rows)} of {len(rows)}"  # noqa: E731
     others = {row["stop"] for row in rows} - {"Still", "NoConsensus"}
@@ -219,7 +219,7 @@ def recall_line(who, voxel_m, rows, common):
 
 
 def scaling_table(result):
-    """CPU ms by points, and how the cost grows from the least to the most: the exponent p of nᵖ."""
+    """CPU ms by number of points, and the exponent p of growth nᵖ from the least to the most points."""
     from math import log
 
     rows = result["rows"]

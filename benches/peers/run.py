@@ -19,7 +19,7 @@ TITLE = "# Registration against its peers\n\nWritten by `cargo xtask peers`; how
 
 
 def script(name, out, *arguments, threads=1):
-    """Runs one of the scripts here in a process of its own; its threads must be known before anything is imported."""
+    """Runs a script in its own process, since its threads must be set before anything is imported."""
     settings = {"OMP_NUM_THREADS": str(threads), "OMP_WAIT_POLICY": "passive"}
     command = [sys.executable, str(HERE / name), "--out", str(out), *map(str, arguments)]
     subprocess.run(command, env={**os.environ, **settings}, check=True)
@@ -27,7 +27,7 @@ def script(name, out, *arguments, threads=1):
 
 
 def measure_speed(args):
-    """Both numbers of threads."""
+    """Measures with both numbers of threads."""
     voxels = {1: [0.3] if args.quick else [0.3, 0.1], 2: [0.3]}
     short = ["--repeats", 1] if args.quick else []
     data = ["--data", args.data] if args.data else []
@@ -43,14 +43,14 @@ def measure_speed(args):
 
 
 def measure_recall(args):
-    """The harder pairs."""
+    """Measures the recall on hard pairs."""
     short = ["--pairs", 2, "--baselines", 10, "--voxels", 0.5] if args.quick else []
     arguments = ["--stages", args.stages, "--echoloop", args.echoloop, "--work", args.work / "pairs", *short]
     return "\n".join(report.recall_tables(script("recall.py", args.work / "recall.json", *arguments)))
 
 
 def measure_scaling(args):
-    """5,000 to a million points."""
+    """Measures the growth from 5,000 to a million points."""
     short = ["--repeats", 1, "--sizes", 5000, 20000] if args.quick else []
     arguments = ["--stages", args.stages, "--work", args.work / "clouds", *short]
     return report.scaling_table(script("scaling.py", args.work / "scaling.json", *arguments))
@@ -61,7 +61,7 @@ NAMES = {"speed": "Speed", "recall": "Recall", "scaling": "Growth"}
 
 
 def heading(args):
-    """Where, when, how."""
+    """Machine, date and command."""
     options = "".join(f" --{part}" for part in args.parts if part != "speed") + (" --quick" if args.quick else "")
     versions = ", ".join((HERE / "requirements.txt").read_text().split())
     today = datetime.datetime.now(datetime.timezone.utc).date()
@@ -69,7 +69,7 @@ def heading(args):
 
 
 def put(path, name, text):
-    """Replaces a section of the page, or adds it; the others stay as they were measured."""
+    """Replaces a section of the page, or adds it; the other sections stay."""
     sections = {}
     for section in (path.read_text() if path.is_file() else "").split("\n## ")[1:]:
         title, _, content = section.partition("\n")

@@ -23,7 +23,7 @@ MOST_OF_A_MILLION = 200_000  # finer voxels of that scan would hold a point each
 
 
 def dense_town(folder, size):
-    """The town pair under a sensor of 128 rings of 8192 beams, or of 320 of 16384 where that is too few."""
+    """The town pair scanned with 128 rings of 8192 beams, or 320 of 16384 if that is too few."""
     from common import PairFiles, offset, write_ply
     from scenes import beams, make_pair
 
@@ -38,7 +38,7 @@ def dense_town(folder, size):
 
 
 def voxel_for(points, size):
-    """The edge, m, that leaves about so many points."""
+    """Edge of the voxels, m, that leaves about this many points."""
     low, high = 0.005, 5.0
     for _ in range(20):
         edge = np.sqrt(low * high)

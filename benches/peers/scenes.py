@@ -27,7 +27,7 @@ def pole(x, y, z, radius, height):
 
 
 def blob(rng, centre, radius, flatness=1.0, resolution=8, noise=0.25):
-    """A crown of leaves, or a rock: a sphere with every vertex pulled in or out."""
+    """A crown of leaves or a rock: a sphere with its vertices moved in or out."""
     mesh = o3d.geometry.TriangleMesh.create_sphere(radius, resolution)
     vertices = np.asarray(mesh.vertices)
     vertices *= 1 + noise * rng.standard_normal((len(vertices), 1))
@@ -37,7 +37,7 @@ def blob(rng, centre, radius, flatness=1.0, resolution=8, noise=0.25):
 
 
 def terrain(rng, amplitude, size=140, step=2.0):
-    """A ground of twelve waves, and its height as a function."""
+    """A ground of twelve waves, and its height function."""
     n = int(2 * size / step) + 1
     grid = np.linspace(-size, size, n)
     x, y = np.meshgrid(grid, grid, indexing="ij")
@@ -88,7 +88,7 @@ def street(rng, height):
 
 
 def suburb(rng, height):
-    """Houses here and there, walls."""
+    """Scattered houses and walls."""
     for _ in range(16):
         x, y = rng.uniform(-80, 80, 2)
         x += 16 * np.sign(x + 1e-9) if abs(x) < 8 else 0
@@ -122,7 +122,7 @@ def trees(rng, height, kind):
 
 
 def place(kind, rng):
-    """What rays are cast in, and the height of its ground."""
+    """Scene for ray casting, and the height function of its ground."""
     ground, height = terrain(rng, GROUND_M[kind])
     things = {"structured": street, "semi-structured": suburb, "unstructured": rocks}[kind]
     scene = o3d.t.geometry.RaycastingScene()
@@ -132,7 +132,7 @@ def place(kind, rng):
 
 
 def beams(columns=2048, rings=64):
-    """Unit vectors: all around, 25° below to 15° above."""
+    """Unit vectors of the beams: all around, from 25° below to 15° above."""
     azimuth = np.linspace(-np.pi, np.pi, columns, endpoint=False)
     a, e = np.meshgrid(azimuth, np.deg2rad(np.linspace(-25, 15, rings)))
     return np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], -1).reshape(-1, 3)
@@ -150,7 +150,7 @@ def scan(scene, world_from_sensor, rng, directions):
 
 
 def stand(x, y, height, yaw, rng):
-    """A sensor 2 m above the ground, all but upright."""
+    """Pose of a sensor 2 m above the ground, nearly upright."""
     pose = np.eye(4)
     tilt = rng.normal(0, 0.02), rng.normal(0, 0.02)
     pose[:3, :3] = o3d.geometry.get_rotation_matrix_from_xyz((*tilt, yaw))

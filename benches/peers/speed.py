@@ -23,13 +23,13 @@ LONG_MS = 10_000
 
 
 def pin(threads):
-    """Keeps this process, and those it starts, on so many cores."""
+    """Restricts this process and its children to a number of cores."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-threads:])
 
 
 def town(folder):
-    """The town pair: two scans of a street 5 m apart, of 122,000 points, cast anew."""
+    """The town pair: two scans of a street 5 m apart, with 122,000 points."""
     from common import PairFiles, offset, write_ply
     from scenes import make_pair
 
@@ -42,7 +42,7 @@ def town(folder):
 
 
 def street(data):
-    """small_gicp's own pair, if the data are there."""
+    """small_gicp's own pair; None without the data."""
     from common import PairFiles
 
     folder = data / "pair_small_gicp" if data else None
@@ -55,7 +55,7 @@ def street(data):
 
 
 def measure(ours, files, voxel_m, threads, repeats, stages=STAGES, without=(), warm_up=1):
-    """Rows of one pair at one voxel, after so many rounds that do not count; `without` names (stage, peer) left out."""
+    """Rows of one pair at one voxel, after warm-up rounds; `without` names the (stage, peer) left out."""
     from others import Others
 
     ours.load(files.target, files.source, voxel_m, files.initial)

@@ -59,7 +59,7 @@ def plateau_middles(_row, found):
 
 
 def by_prominence(share):
-    """find_peaks with a prominence and a height of so much of the record's range."""
+    """find_peaks with a prominence and height relative to the record's range."""
 
     def find(row):
         row = trimmed(row)

@@ -32,7 +32,7 @@ FILTERS = {
 
 
 class Reading:
-    """From codes to the range of the strongest echo of every waveform, NaN where there is none."""
+    """Goes from codes to the range of every waveform's strongest echo; NaN without one."""
 
     def __init__(self, known):
         self.known, self.taps = known, np.array(known["taps"], np.float32) / 32_768
@@ -61,7 +61,7 @@ class Reading:
 
 
 class Making:
-    """From echoes, ranges and currents, to codes."""
+    """Goes from echoes (ranges and currents) to codes."""
 
     def __init__(self, known):
         self.known, self.random = known, np.random.Generator(np.random.SFC64(1))
@@ -86,7 +86,7 @@ class Making:
 
 
 class Ours:
-    """One process of the program `waveform_path`, asked for stage after stage."""
+    """One process of the program `waveform_path`, asked for one stage after another."""
 
     def __init__(self, binary, folder):
         path = folder / "waveforms.u16"
@@ -109,14 +109,14 @@ class Ours:
 
 
 def clocked(work):
-    """CPU milliseconds."""
+    """One run of a stage; CPU time, ms."""
     start = time.process_time()
     work()
     return 1e3 * (time.process_time() - start)
 
 
 def contestants(ours):
-    """Stage → who → one run over all waveforms, which gives CPU milliseconds."""
+    """Functions by stage and contestant; each runs over all waveforms and returns CPU ms."""
     known, codes = ours.known, ours.codes
     reading, making = Reading(known), Making(known)
     echoes = np.array(known["echoes"], np.float32)

@@ -1,4 +1,4 @@
-//! Times the stages of registration on a pair of clouds: the side of `benches/peers` that is ours.
+//! Times the stages of our registration on a pair of clouds, for `benches/peers`.
 //!
 //! ```text
 //! stages TARGET SOURCE --voxel 0.3 --threads 1 --repeats 5 --truth T.txt     # JSON: medians
@@ -7,9 +7,9 @@
 //!   {"run": "normals"}
 //! ```
 //!
-//! Served, one process is asked for stage after stage, so that ours and others' take turns on the
-//! same core. What a stage starts from is worked out before the clock runs. CPU time is the
-//! process's, all threads.
+//! With `--serve`, one process runs stage after stage on request, so that ours and the peers' take
+//! turns on the same core. The inputs of a stage are computed before the clock starts. CPU time is
+//! that of the process, all threads.
 
 mod pair;
 #[path = "../result.rs"]
@@ -70,7 +70,7 @@ enum Request {
 fn main() -> Result<()> {
     let args = Args::parse();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
-    // A stage runs inside the pool, the rest outside: what waits for a line does not hold a thread.
+    // Stages run inside the pool; waiting for input does not, so that it holds no thread.
     match (&args.target, &args.source) {
         (Some(target), Some(source)) => {
             let initial =
@@ -86,7 +86,7 @@ fn main() -> Result<()> {
     }
 }
 
-/// A stage's medians over the repeats, and how far its motion is from the truth.
+/// Medians of a stage over the repeats, and the error of its motion.
 fn median_line(
     pool: &rayon::ThreadPool,
     pair: &mut Pair,
@@ -111,7 +111,7 @@ fn median_line(
     Ok(line)
 }
 
-/// Answers until the input ends; a request that cannot be done is answered with why.
+/// Answers requests until the input ends; one that fails is answered with the reason.
 fn serve(pool: &rayon::ThreadPool) -> Result<()> {
     let mut pair = None;
     for line in stdin().lock().lines() {

@@ -1,4 +1,4 @@
-//! Two clouds, the settings that fit a voxel, and what stages start from.
+//! Two clouds, the settings for a voxel size, and the inputs of the stages.
 
 use std::path::Path;
 
@@ -12,22 +12,22 @@ use echoloop_registration::{
 
 use crate::result::Result;
 
-/// Radius of ICP's normals, and how many neighbours: what the peers get.
+/// Radius of ICP's normals in voxels, the same as for the peers.
 const ICP_NORMAL_VOXELS: f64 = 3.0;
 
-/// See [`ICP_NORMAL_VOXELS`].
+/// Largest number of neighbours of ICP's normals, the same as for the peers.
 const ICP_NORMAL_NEIGHBOURS: usize = 30;
 
 /// Radius of GICP's normals, whose 20 neighbours are small_gicp's.
 const GICP_NORMAL_VOXELS: f64 = 5.0;
 
-/// Pairs of a local method may be this far apart, m: small_gicp's default.
+/// Maximum pair distance of a local method, m: small_gicp's default.
 const LOCAL_PAIR_DISTANCE_M: f64 = 1.0;
 
-/// Steps of a local method at most: Open3D's default.
+/// Largest number of steps of a local method: Open3D's default.
 const LOCAL_ITERATIONS: usize = 30;
 
-/// Two clouds to register, and what has been worked out of them.
+/// Two clouds to register, and the inputs computed from them.
 pub(crate) struct Pair {
     pub(crate) target: Cloud,
     pub(crate) source: Cloud,
@@ -89,7 +89,7 @@ impl Pair {
         }
     }
 
-    /// What finishes a global method with GICP, with the distances that ICP would have.
+    /// GICP that refines a global method, with the distances that ICP would have.
     pub(crate) fn refinement_gicp(&self) -> GicpConfig {
         GicpConfig::from(&IcpConfig::refinement(self.voxel_m))
     }
@@ -107,7 +107,7 @@ impl Pair {
         self.described.as_ref().ok_or_else(|| "no features".into())
     }
 
-    /// The matches of both.
+    /// Matches between both clouds.
     pub(crate) fn matches(&mut self) -> Result<&[PointPair]> {
         if self.matches.is_none() {
             let (target, source) = self.described()?;

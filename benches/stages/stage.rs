@@ -1,4 +1,4 @@
-//! One stage, run once under two clocks.
+//! One stage, timed once in CPU time and wall time.
 
 use std::time::Instant;
 
@@ -16,7 +16,7 @@ use serde::{Serialize, Serializer};
 use crate::pair::Pair;
 use crate::result::Result;
 
-/// Parts first, then whole methods from the clouds as they were read to the pose.
+/// A stage: parts first, then whole methods from the clouds as read to the pose.
 pub(crate) const STAGES: [&str; 20] = [
     "voxel",
     "normals",
@@ -40,14 +40,14 @@ pub(crate) const STAGES: [&str; 20] = [
     "auto_suggested",
 ];
 
-/// How long a stage took, and what came of it.
+/// Times and results of a stage.
 #[derive(Serialize)]
 pub(crate) struct Measured {
     pub(crate) stage: String,
     pub(crate) cpu_ms: f64,
     pub(crate) wall_ms: f64,
     pub(crate) n_in: usize,
-    /// Points, matches, or the pairs that agree.
+    /// Number of points, matches or agreeing pairs.
     pub(crate) n_out: usize,
     #[serde(serialize_with = "rows", skip_serializing_if = "Option::is_none")]
     pub(crate) target_from_source: Option<Pose>,
@@ -61,7 +61,7 @@ fn rows<S: Serializer>(pose: &Option<Pose>, serializer: S) -> std::result::Resul
     pose.as_ref().map(to_rows).serialize(serializer)
 }
 
-/// Runs a stage once; what it starts from is worked out before.
+/// Runs a stage once; its inputs are computed before the clock starts.
 pub(crate) fn run(pair: &mut Pair, name: &str) -> Result<Measured> {
     match name {
         "voxel" | "normals" | "fpfh" | "describe" | "match" => part(pair, name),
@@ -73,7 +73,7 @@ pub(crate) fn run(pair: &mut Pair, name: &str) -> Result<Measured> {
     }
 }
 
-/// From the source, or both clouds, to points or matches.
+/// Runs a stage from one or both clouds to points or matches.
 fn part(pair: &mut Pair, name: &str) -> Result<Measured> {
     let (config, voxel_m) = (pair.features(), pair.voxel_m());
     match name {
@@ -105,7 +105,7 @@ fn part(pair: &mut Pair, name: &str) -> Result<Measured> {
     }
 }
 
-/// From what a method prepares to the pose.
+/// Runs a stage from a method's prepared clouds to the pose.
 fn solve(pair: &mut Pair, name: &str) -> Result<Measured> {
     let initial = pair.initial;
     match name {
@@ -132,7 +132,7 @@ fn solve(pair: &mut Pair, name: &str) -> Result<Measured> {
     }
 }
 
-/// A method that goes from clouds to a pose.
+/// Runs a whole method from clouds to the pose.
 fn method(name: &str, pair: &Pair) -> Result<Box<dyn Registration>> {
     let finish = Some(IcpConfig::refinement(pair.voxel_m()));
     Ok(match name {
@@ -154,8 +154,8 @@ fn method(name: &str, pair: &Pair) -> Result<Box<dyn Registration>> {
     })
 }
 
-/// A global method with settings worked out from the clouds, and ICP after it if it leaves that to
-/// another; the clock runs from the clouds.
+/// Runs a global method, with ICP after it if it needs that; the time includes the choice of
+/// settings from the clouds.
 fn suggested(name: &str, pair: &Pair, method: Method) -> Result<Measured> {
     let (target, source) = (&pair.target, &pair.source);
     posed(name, source.points.len(), || {
@@ -205,7 +205,7 @@ fn posed(name: &str, n_in: usize, work: impl FnOnce() -> Outcome) -> Result<Meas
     })
 }
 
-/// The result, CPU time of the process and wall time, ms.
+/// Result of some work, with the CPU time of the process and wall time, ms.
 fn timed<T>(work: impl FnOnce() -> T) -> Result<(T, f64, f64)> {
     let (wall, cpu) = (Instant::now(), ProcessTime::try_now()?);
     let result = work();

@@ -1,4 +1,4 @@
-//! How cost grows: with one thing at a time.
+//! Growth of the cost with one quantity at a time.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -56,8 +56,7 @@ pub(crate) fn print(quick: bool) -> Result<()> {
     beams(if quick { 3 } else { 10 })
 }
 
-/// Rows take turns; of each the fastest round counts, for what else runs on the machine only adds
-/// to it.
+/// Rows take turns; the fastest round of each counts, because other programs only add to the time.
 fn table(mut rows: Vec<Row>, rounds: usize) {
     const STAGES: [&str; 4] =
         ["pipeline v3", "pipeline baseline", "front end v3", "front end baseline"];

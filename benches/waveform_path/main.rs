@@ -1,12 +1,12 @@
-//! Times the waveform path: the side of `benches/peers/waveforms.py` that is ours.
+//! Times our waveform path, for `benches/peers/waveforms.py`.
 //!
 //! ```text
 //! waveform_path --serve CODES  # answers each line of input, as "pipeline v3", with {"cpu_ms": …}
-//! waveform_path --growth       # how cost grows with beams, samples, taps and echoes, in Markdown
+//! waveform_path --growth       # growth with beams, samples, taps and echoes, in Markdown
 //! ```
 //!
-//! Served, it writes the waveforms that both sides process to CODES first, and prints what a peer
-//! has to know as a JSON line.
+//! With `--serve`, it first writes the waveforms that both sides process to CODES, and prints a
+//! line of JSON with the parameters of the work.
 
 mod growth;
 #[path = "../result.rs"]
@@ -33,7 +33,7 @@ struct Args {
     /// Prints the tables.
     #[arg(long, conflicts_with = "serve")]
     growth: bool,
-    /// Seconds instead of minutes, to see that all runs.
+    /// Takes seconds instead of minutes, to check that everything runs.
     #[arg(long)]
     quick: bool,
 }
@@ -68,8 +68,8 @@ fn answer(stage: &mut Stage, name: &str) -> Result<Value> {
     Ok(json!({"cpu_ms": 1e3 * clock.try_elapsed()?.as_secs_f64()}))
 }
 
-/// What a peer needs for the same work, and what we found: the range of the strongest echo of every
-/// waveform, m.
+/// Parameters that a peer needs for the same work, and our result: the range of each waveform's
+/// strongest echo, m.
 fn constants(stage: &mut Stage) -> Value {
     let ranges = stage.ranges_m();
     let (config, analog, receiver) =

@@ -1,4 +1,4 @@
-//! What is timed: waveforms made, and waveforms read.
+//! The timed work: synthesis of waveforms, and detection.
 
 use std::hint::black_box;
 
@@ -15,18 +15,18 @@ use crate::result::Result;
 
 pub(crate) const SAMPLES: usize = 1024;
 
-/// Waveforms processed one after the other.
+/// Number of waveforms processed in sequence.
 pub(crate) const BATCH: usize = 256;
 
-/// Settings of so many samples and such a pulse: 119 m in all.
+/// Settings with a number of samples over 119 m, and a pulse width.
 pub(crate) fn settings(samples: usize, pulse_width_ps: i32) -> Settings {
-    // 372 nJ a pulse, below what is allowed.
+    // 372 nJ per pulse, below the limit.
     let power_uw = (37_200_000 / pulse_width_ps).clamp(500, 6_000) * 10_000;
     Settings { bins: samples as i32, pulse_width_ps, power_uw, ..Settings::default() }
 }
 
-/// A beam's returns, 13 m apart, a white wall's each: from far beyond saturation to a hundredth of
-/// the scale.
+/// Returns of white walls 13 m apart: echoes from far beyond saturation to a hundredth of full
+/// scale.
 pub(crate) fn returns(beam: u32, count: usize) -> impl Iterator<Item = Return> {
     (0..count).map(move |i| {
         let range_m = 8.0 + f64::from(beam % 64) + 13.0 * i as f64;
@@ -34,7 +34,7 @@ pub(crate) fn returns(beam: u32, count: usize) -> impl Iterator<Item = Return> {
     })
 }
 
-/// A pipeline, the waveforms it reads, and memory.
+/// A pipeline with its waveforms and memory.
 pub(crate) struct Stage {
     pipeline: Pipeline,
     analog: Analog,
@@ -47,7 +47,7 @@ pub(crate) struct Stage {
 }
 
 impl Stage {
-    /// Two returns a beam.
+    /// Scene with two returns per beam.
     pub(crate) fn new(settings: Settings) -> Result<Self> {
         Self::with_returns(settings, 2)
     }
@@ -84,7 +84,7 @@ impl Stage {
         &self.waveforms
     }
 
-    /// All waveforms once.
+    /// Processes all waveforms once.
     pub(crate) fn run(&mut self, name: &str) -> Result<()> {
         match name {
             "pipeline v3" => self.process_all(process),
@@ -98,7 +98,7 @@ impl Stage {
         Ok(())
     }
 
-    /// The strongest echo's range in every waveform, m.
+    /// Range of the strongest echo in every waveform, m.
     pub(crate) fn ranges_m(&mut self) -> Vec<Option<f64>> {
         let Self { pipeline, waveforms, scratch, .. } = self;
         waveforms

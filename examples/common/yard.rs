@@ -1,4 +1,4 @@
-//! Something to look at: a floor, two walls and a box.
+//! A yard to scan: a floor, two walls and a box.
 
 use echoloop_registration::cloud::Cloud;
 use echoloop_registration::pose::Pose;
@@ -6,12 +6,12 @@ use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Where the second scan is taken from, in the frame of the first.
+/// Pose of the second scan in the frame of the first.
 pub(crate) fn second_place() -> Pose {
     Pose::new(Vector3::new(0.5, -0.3, 0.05), Vector3::new(0.0, 0.01, 0.08))
 }
 
-/// The yard as a sensor at `world_from_sensor` sees it; other points for each seed.
+/// Cloud of the yard from a sensor at `world_from_sensor`; each seed gives other points.
 pub(crate) fn seen_from(seed: u64, world_from_sensor: &Pose) -> Cloud {
     let rng = &mut ChaCha8Rng::seed_from_u64(seed);
     let patches = [

@@ -7,10 +7,10 @@ fn main() {
     println!("cargo:rerun-if-changed=riscv.x");
     let variable = |name: &str| std::env::var(name).unwrap_or_default();
     if variable("CARGO_CFG_TARGET_OS") != "none" {
-        return; // a PC links as it always does
+        return; // for a PC, the linker needs nothing
     }
-    // A `memory.x` in the folder that cargo is started in comes first: in Echoloop's workspace its
-    // own, in a copy this one.
+    // A `memory.x` in cargo's working folder takes precedence: in Echoloop's workspace its own, in
+    // a copy of this crate this one.
     println!("cargo:rustc-link-search={}", variable("CARGO_MANIFEST_DIR"));
     if variable("CARGO_CFG_TARGET_ARCH") == "riscv32" {
         println!("cargo:rustc-link-arg-bins=-Triscv.x");

@@ -1,8 +1,8 @@
-//! The examples are run, and say what they should.
+//! Runs the examples and checks their output.
 
 use std::process::Command;
 
-/// What an example prints without arguments. `cargo test -p echoloop-examples` has just built it.
+/// Output of an example without arguments. `cargo test -p echoloop-examples` has just built it.
 fn run(name: &str) -> String {
     let test = std::env::current_exe().expect("a path");
     let built = test.ancestors().nth(2).expect("target/debug").join("examples").join(name);
@@ -12,7 +12,7 @@ fn run(name: &str) -> String {
     String::from_utf8(output.stdout).expect("UTF-8")
 }
 
-/// The numbers before a word.
+/// Numbers before a word.
 fn before(text: &str, word: &str) -> Vec<f64> {
     let numbers = text.split(word).filter_map(|part| part.split_whitespace().last());
     numbers.filter_map(|number| number.parse().ok()).collect()

@@ -1,5 +1,5 @@
-//! Processor time as what criterion measures: another program on the machine disturbs it less than
-//! it does the clock.
+//! CPU time as criterion's measurement: other programs on the machine disturb it less than wall
+//! time.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use cpu_time::ProcessTime;
 use criterion::Criterion;
 use criterion::measurement::{Measurement, ValueFormatter, WallTime};
 
-/// What the process has computed, on all its threads.
+/// CPU time of the process, all threads.
 pub(crate) struct CpuTime;
 
 impl Measurement for CpuTime {
@@ -39,9 +39,9 @@ impl Measurement for CpuTime {
     }
 }
 
-/// So many samples of it, on one thread.
+/// Criterion with CPU time and a number of samples, on one thread.
 pub(crate) fn on_one_thread(samples: usize) -> Criterion<CpuTime> {
-    // Fails only when a pool exists already; then the figures are for that one.
+    // Fails only when a pool exists already, which is then used.
     let _ = rayon::ThreadPoolBuilder::new().num_threads(1).build_global();
     Criterion::default().sample_size(samples).with_measurement(CpuTime)
 }

@@ -1,11 +1,11 @@
-//! A converter's buffer in, echoes out: the detector in a firmware of its own, without link,
-//! session and board.
+//! The detector alone in a firmware of one's own, from a converter's buffer to echoes, without
+//! link, session and board.
 //!
 //! ```sh
 //! cargo build --release -p echoloop-detector-firmware --target thumbv7em-none-eabihf
 //! ```
 //!
-//! The same file for a Cortex-M0 and for RISC-V. To copy: docs/porting.md.
+//! The same file serves Cortex-M0 and RISC-V. How to copy it: docs/porting.md.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![cfg_attr(not(target_os = "none"), allow(dead_code, reason = "a PC says how to build it"))]
 
@@ -20,25 +20,25 @@ use echoloop_kernels::FASTEST;
 #[cfg(all(target_os = "none", target_arch = "riscv32"))]
 use riscv_rt::entry;
 
-/// Codes of a shot: `Settings::bins`, and the 128 before the trigger where `ambient` asks for them.
+/// Codes of a shot: `Settings::bins`, and 128 before the trigger if `ambient` asks for them.
 const SAMPLES: usize = 800;
 
-/// What DMA fills, right-aligned. Atomic, because the program does not write it.
+/// Codes, right-aligned, filled by DMA. Atomic, because the program does not write them.
 static ADC_CODES: [AtomicU16; SAMPLES] = [const { AtomicU16::new(0) }; SAMPLES];
-/// Whether a shot is in it: set by DMA's interrupt, taken back here.
+/// True when the buffer holds a shot: set by DMA's interrupt, cleared here.
 static ADC_FULL: AtomicBool = AtomicBool::new(false);
 
-/// The echoes of the shot taken last, four words each: see [`words`].
+/// Echoes of the last shot, four words each: see [`words`].
 static ECHO_WORDS: [[AtomicU32; 4]; MAX_ECHOES] =
     [const { [const { AtomicU32::new(0) }; 4] }; MAX_ECHOES];
-/// How many there are.
+/// Number of echoes of the last shot.
 static ECHO_COUNT: AtomicU32 = AtomicU32::new(0);
-/// Shots answered; counted on when their echoes are there.
+/// Number of processed shots, counted when their echoes are written.
 static SHOTS: AtomicU32 = AtomicU32::new(0);
 
-/// Your HAL's part: give DMA the buffer, start the converter's timer. DMA fills the buffer only
-/// while `ADC_FULL` is false, or codes of two shots mix. Here the addresses are given away, and
-/// somebody, a debugger, plays DMA.
+/// Your HAL's part: give DMA the buffer and start the converter's timer. DMA must fill the buffer
+/// only while `ADC_FULL` is false, or codes of two shots mix. This example only exposes the
+/// addresses, for a debugger that takes the place of DMA.
 fn start_converter() {
     black_box((&ADC_CODES, &ADC_FULL, &ECHO_WORDS, &ECHO_COUNT, &SHOTS));
 }
@@ -53,10 +53,10 @@ fn detector() -> Option<Pipeline> {
     };
     let settings =
         Settings { bins: SAMPLES as i32, echoes: MAX_ECHOES as i32, ..Settings::default() };
-    Pipeline::new(&settings, &hardware).ok() // or say which field it refuses
+    Pipeline::new(&settings, &hardware).ok() // or report the field that it refuses
 }
 
-/// Waits for a shot and copies it, so that DMA can fill the buffer again meanwhile.
+/// Waits for a shot and copies it, so that DMA can fill the buffer again.
 fn take_shot(codes: &mut [u16; SAMPLES]) {
     while !ADC_FULL.load(Acquire) {
         spin_loop(); // or sleep until the interrupt
@@ -65,8 +65,8 @@ fn take_shot(codes: &mut [u16; SAMPLES]) {
     ADC_FULL.store(false, Release);
 }
 
-/// An echo as it goes on: range in 1/256 mm; amplitude, width; SNR, σ of the range; reflectivity,
-/// flags. Units: [`Echo`].
+/// Words of an echo: range in 1/256 mm; amplitude, width; SNR, σ of the range; reflectivity, flags.
+/// Units: [`Echo`].
 fn words(echo: &Echo) -> [u32; 4] {
     let pair = |high: u16, low: u16| u32::from(high) << 16 | u32::from(low);
     [
@@ -77,7 +77,7 @@ fn words(echo: &Echo) -> [u32; 4] {
     ]
 }
 
-/// Hands the echoes on: here to memory; or to a bus or a display.
+/// Passes the echoes on: here to memory, in your firmware to a bus or a display.
 fn hand_out(echoes: &Echoes) {
     for (places, echo) in ECHO_WORDS.iter().zip(echoes) {
         places.iter().zip(words(echo)).for_each(|(place, word)| place.store(word, Relaxed));
@@ -96,7 +96,7 @@ fn run() -> ! {
     }
 }
 
-/// Settings that cannot be end here; the program itself has no panic.
+/// Reached with refused settings; the program itself has no panic.
 fn stop() -> ! {
     loop {
         spin_loop();

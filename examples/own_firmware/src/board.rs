@@ -7,41 +7,43 @@ use embedded_hal::spi::SpiDevice;
 use embedded_io::{Read, ReadReady, Write};
 use embedded_storage::nor_flash::NorFlash;
 
-/// The converter's buffer, which DMA fills when the emitter fires.
+/// Buffer of the converter, which DMA fills when the emitter fires.
 pub trait Buffer {
-    /// The codes of the shot fired last, once all of them have come.
+    /// Codes of the last shot, once all of them have arrived.
     fn finished(&mut self) -> Option<&[u16]>;
-    /// They have been copied: DMA may fill the buffer with the next shot, which is fired at once.
+    /// Releases the copied codes: DMA may fill the buffer with the next shot, which follows at
+    /// once.
     fn arm(&mut self);
 }
 
-/// The watchdog: no HAL's trait for it is part of embedded-hal 1.0.
+/// The watchdog; embedded-hal 1.0 has no trait for it.
 pub trait Watchdog {
-    /// Begins its period anew.
+    /// Restarts its period.
     fn feed(&mut self);
 }
 
 /// Your board.
 pub struct OwnBoard<Spi, Link, Flash, Samples, Dog> {
-    /// The laser driver, chip select included.
+    /// Laser driver, chip select included.
     pub emitter: Spi,
-    /// The amplifier and converter.
+    /// Amplifier and converter.
     pub adc: Spi,
-    /// The serial line to the host.
+    /// Serial line to the host.
     pub link: Link,
-    /// Flash for two slots of settings: nobody else may write there.
+    /// Flash for two slots of settings; nothing else may write there.
     pub flash: Flash,
-    /// The converter's buffer.
+    /// Buffer of the converter.
     pub buffer: Samples,
     /// The watchdog, already started.
     pub watchdog: Dog,
-    /// Starts since power came on, but for the first: count them in memory that a reset leaves.
+    /// Number of restarts since power-on: count them in memory that survives a reset.
     pub restarts: u32,
-    /// Microseconds since any moment, of a timer: by them the host hears which scans were late.
+    /// Microseconds of a timer, from any start: the host learns from them which scans were late.
     pub now_us: fn() -> Option<u32>,
 }
 
-/// Looks at the buffer before a shot counts as lost: take a bound of time if you have a timer.
+/// Number of polls of the buffer before a shot counts as lost; better use a time limit if you have
+/// a timer.
 const SHOT_TIMEOUT: u32 = 1_000_000;
 
 impl<Spi, Link, Flash, Samples, Dog> Board for OwnBoard<Spi, Link, Flash, Samples, Dog>
@@ -57,7 +59,7 @@ where
     type Store = Flash;
 
     fn hardware(&self) -> Hardware {
-        // Your converter's bits, your window, the greatest energy of a pulse that is safe.
+        // Your converter's bits, your window, the largest safe energy of a pulse.
         Hardware { adc_bits: 12, range_min_mm: 1_000, range_max_mm: 120_000, ..Hardware::REFERENCE }
     }
 

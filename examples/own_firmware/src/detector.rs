@@ -3,7 +3,7 @@
 use echoloop_dsp::{Echoes, Hardware, Pipeline, Refusal, Scratch, Settings};
 use echoloop_kernels::FASTEST;
 
-/// Settings made ready, and 30 kB of memory that every waveform uses again.
+/// Prepared settings, and 30 kB of memory that all waveforms share.
 ///
 /// ```
 /// use echoloop_dsp::{Hardware, Settings};
@@ -22,16 +22,16 @@ pub struct Detector {
 }
 
 impl Detector {
-    /// A detector; `hardware` says what your converter and window are.
+    /// A detector; `hardware` describes your converter and window.
     ///
     /// # Errors
     ///
-    /// [`Refusal`] names the field that cannot be, and its bound.
+    /// [`Refusal`] names the refused field and its bound.
     pub fn new(settings: &Settings, hardware: &Hardware) -> Result<Self, Refusal> {
         Ok(Self { pipeline: Pipeline::new(settings, hardware)?, scratch: Scratch::new() })
     }
 
-    /// The echoes of one waveform, in the fastest loops that the processor has.
+    /// Echoes of one waveform, found with the fastest loops for the processor.
     pub fn echoes(&mut self, codes: &[u16]) -> Echoes {
         self.pipeline.process(FASTEST, codes, &mut self.scratch)
     }

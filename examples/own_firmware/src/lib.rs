@@ -1,13 +1,13 @@
-//! Echoloop in somebody's own firmware: copy this crate, and fill in your HAL.
+//! Echoloop in firmware of your own: copy this crate, and fill in your HAL.
 //!
 //! ```sh
 //! cargo build --release -p echoloop-own-firmware --target thumbv7em-none-eabihf   # an ELF file
 //! cargo test -p echoloop-own-firmware                                  # on the PC
 //! ```
 //!
-//! | you want | take |
+//! | you want | use |
 //! |---|---|
-//! | echoes from codes that your firmware has | [`Detector`] |
+//! | echoes from codes of your firmware | [`Detector`] |
 //! | the whole sensor, which `echoloop tune --sensor serial:…` drives | [`OwnBoard`], [`serve`] |
 //!
 //! `src/bin/sensor/main.rs` has the entry and the panic handler, `memory.x` flash and RAM,
@@ -24,11 +24,11 @@ pub use detector::Detector;
 
 use echoloop_sensor::{App, Board};
 
-/// The main loop of a sensor; `sleep` waits until a byte comes on the link, or some milliseconds.
+/// Main loop of a sensor; `sleep` waits for a byte on the link or some milliseconds.
 pub fn serve(board: impl Board, mut sleep: impl FnMut()) -> ! {
     let mut app = App::new(board);
     loop {
-        // A line that was lost is read again: nothing is left half done.
+        // After a lost line the loop goes on: no request is left half done.
         let _ = app.poll();
         sleep();
     }

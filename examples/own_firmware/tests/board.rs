@@ -1,5 +1,4 @@
-//! The example's board on a PC, as a host on its line sees it: registers, buffer and flash in
-//! memory.
+//! The example's board on a PC with a host on its line; registers, buffer and flash are in memory.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -15,7 +14,7 @@ use echoloop_sensor::mailbox::{Registers, serve};
 use echoloop_sensors::boards::nor_flash::RamNorFlash;
 use embedded_hal::spi::{ErrorKind, Operation, SpiDevice};
 
-/// A sin² pulse of 5 ns at 1 GS/s on an ambient level of 100 codes, its middle at sample 200.
+/// Waveform of a sin² pulse of 5 ns at 1 GS/s, centred at sample 200, on an ambient level of 100.
 fn waveform() -> [u16; 800] {
     std::array::from_fn(|n| {
         let t = (n as f64 - 195.0) / 10.0;
@@ -86,7 +85,7 @@ impl embedded_io::Write for Line {
     }
 }
 
-/// The buffer of a converter that answers every shot alike, or none.
+/// Buffer of a converter that answers every shot with the same codes, or no shot.
 struct Shots(Option<[u16; 800]>);
 
 impl Buffer for Shots {
@@ -164,7 +163,7 @@ fn a_host_scans_with_the_board_and_gets_the_same_echo() {
 }
 
 #[test]
-fn a_shot_that_never_comes_is_said_and_the_sensor_goes_on() {
+fn a_shot_without_codes_is_reported_and_the_sensor_goes_on() {
     let (line, fed) = (Line::default(), Rc::default());
     let mut sensor = sensor(&line, Shots(None), &fed);
     ask(&mut sensor, &line, 1, &Command::Hello(Greeting::OURS));

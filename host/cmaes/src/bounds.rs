@@ -1,4 +1,4 @@
-//! The unit cube by reflection.
+//! Bounds of the unit cube, by reflection.
 
 /// Folds a genotype coordinate into 0 to 1: identity inside, mirrored at both walls, period 2.
 pub fn reflect(x: f64) -> f64 {
@@ -6,7 +6,7 @@ pub fn reflect(x: f64) -> f64 {
     if t > 1.0 { 2.0 - t } else { t }
 }
 
-/// Whether [`reflect`] reverses direction around `x`.
+/// True when [`reflect`] decreases around `x`.
 pub(super) fn is_mirrored(x: f64) -> bool {
     x.rem_euclid(2.0) > 1.0
 }

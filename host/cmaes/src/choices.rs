@@ -1,33 +1,34 @@
-//! Choices without an order: categorical distributions beside the normal one, as CatCMA has them
-//! (Hamano et al., GECCO 2024, arXiv:2405.09962), with the margin of its successor
-//! (arXiv:2504.07884).
+//! Choices without an order: categorical distributions beside the normal one, as in CatCMA (Hamano
+//! et al., GECCO 2024, arXiv:2405.09962), with the margin of its successor (arXiv:2504.07884).
 
-use super::random::Draws;
+use echoloop_random::Generator;
 
-/// Independent categorical distributions, moved by adaptive stochastic natural gradient (Akimoto et
-/// al., ICML 2019, arXiv:1905.08537).
+/// Independent categorical distributions, updated by adaptive stochastic natural gradient (Akimoto
+/// et al., ICML 2019, arXiv:1905.08537).
 ///
 /// ```text
 /// g = Σ_{i≤μ} w_i (e_{c_i} − q)           natural gradient, a row for each choice
-/// G = g / √q                              its length by the Fisher metric: |G|
+/// G = g / √q                              |G|: its length in the Fisher metric
 /// q ← q + min(δ/|G|, ½) g,                δ = 1/Δ
 /// s ← (1−β) s + √(β(2−β)) G/|G|,          γ ← (1−β)² γ + β(2−β),     β = δ/√Σ(K−1)
-/// Δ ← Δ exp(β (γ − |s|²/1.5))             shorter steps while they point anywhere
+/// Δ ← Δ exp(β (γ − |s|²/1.5))             shorter steps while their directions are random
 /// ```
 ///
 /// | name | meaning                                             |
 /// |------|-----------------------------------------------------|
-/// | `q`  | of each choice, how likely each of its K names is   |
-/// | `c`  | the names that a candidate drew                     |
-/// | `w`  | the weights of the better half, adding up to 1      |
+/// | `q`  | probability of each of the K names of a choice      |
+/// | `c`  | names that a candidate drew                         |
+/// | `w`  | weights of the better half, adding up to 1          |
 ///
-/// Every name keeps (1 − 0.73^(1/n))/(K − 1) of its choice, so that none is ever lost. Ours are
+/// Every name keeps a probability of (1 − 0.73^(1/n))/(K − 1), so that none is ever lost. We depart
+/// from the papers in
 ///
-/// - n, all coordinates, where the papers count the discrete ones: of sixteen of which three are
-///   choices, 6 candidates in 100 and not 27 then try a name that is not the likeliest;
-/// - the ½, without which the first generations settle a few choices by luck;
-/// - the root of the Fisher matrix. The papers' treats the last name unlike the others; this one,
-///   onto the sphere of √q, gives the same length.
+/// - n, which counts all coordinates instead of the discrete ones: with sixteen coordinates of
+///   which three are choices, 6 candidates in 100 instead of 27 draw a name that is not the
+///   likeliest;
+/// - the ½, without which the first generations settle a few choices by chance;
+/// - the root of the Fisher matrix: the papers' treats the last name unlike the others; ours, onto
+///   the sphere of √q, gives the same length.
 #[derive(Clone, Debug)]
 pub(super) struct Choices {
     rows: Vec<Row>,
@@ -37,7 +38,7 @@ pub(super) struct Choices {
     gamma: f64,
     /// Generations in a row in which every choice has stood at its margin.
     still: usize,
-    /// After so many of them nothing new is to be expected.
+    /// Number of such generations after which the choices count as settled.
     patience: usize,
 }
 
@@ -46,13 +47,14 @@ struct Row {
     q: Vec<f64>,
     /// This choice's part of s.
     path: Vec<f64>,
+    /// Least probability of a name.
     least: f64,
 }
 
 impl Choices {
-    /// For choices of so many names each, with the coordinate that each starts at, among `n`
-    /// coordinates of all kinds and λ candidates. `trust`: how likely the start's names are drawn;
-    /// the others share the rest.
+    /// `starts` holds the number of names of each choice and its start coordinate; `n` counts
+    /// coordinates of all kinds. `trust` is the initial probability of the start's name; the other
+    /// names share the rest.
     pub(super) fn new(starts: &[(usize, f64)], trust: f64, n: usize, lambda: usize) -> Self {
         let margin = 1.0 - libm::pow(0.73, 1.0 / n as f64);
         let row = |&(count, start): &(usize, f64)| Row::new(count, start, trust, margin);
@@ -65,12 +67,12 @@ impl Choices {
         }
     }
 
-    /// A name of each choice.
-    pub(super) fn draw(&self, draws: &mut Draws) -> Vec<usize> {
-        self.rows.iter().map(|row| row.name(draws.unit())).collect()
+    /// Draws a name for each choice.
+    pub(super) fn draw(&self, generator: &mut Generator) -> Vec<usize> {
+        self.rows.iter().map(|row| row.name(generator.unit())).collect()
     }
 
-    /// Learns from the names that the better half drew, best first, and their weights.
+    /// Learns from the names that the better half drew, best first, with their weights.
     pub(super) fn learn(&mut self, weights: &[f64], names: &[Vec<usize>]) {
         if self.freedom() == 0 {
             return;
@@ -103,7 +105,7 @@ impl Choices {
         self.gamma = (1.0 - beta) * (1.0 - beta) * self.gamma + beta * (2.0 - beta);
         let path: f64 = self.rows.iter().flat_map(|row| &row.path).map(|s| s * s).sum();
         self.caution *= libm::exp(beta * (self.gamma - path / ALPHA));
-        // β is a share.
+        // So that β is at most 1.
         self.caution = self.caution.max(1.0 / libm::sqrt(self.freedom() as f64));
     }
 
@@ -112,40 +114,40 @@ impl Choices {
         self.rows.iter().map(|row| row.q.len() - 1).sum()
     }
 
-    /// Where a name lies in 0 to 1.
+    /// Coordinate of a name, 0 to 1.
     pub(super) fn coordinate(&self, choice: usize, name: usize) -> f64 {
         self.rows[choice].coordinate(name)
     }
 
-    /// Where the likeliest name lies; of equals, the first.
+    /// Coordinate of the likeliest name; of equals, the first.
     pub(super) fn middle(&self, choice: usize) -> f64 {
         let q = &self.rows[choice].q;
         let likeliest = (0..q.len()).rev().max_by(|&a, &b| q[a].total_cmp(&q[b]));
         self.coordinate(choice, likeliest.unwrap_or(0))
     }
 
-    /// Standard deviation of where the names lie.
+    /// Standard deviation of the names' coordinates.
     pub(super) fn deviation(&self, choice: usize) -> f64 {
         let row = &self.rows[choice];
         let mean = row.expected(|u| u);
         libm::sqrt(row.expected(|u| (u - mean) * (u - mean)))
     }
 
-    /// How likely each name is.
+    /// Probability of each name.
     pub(super) fn probabilities(&self, choice: usize) -> &[f64] {
         &self.rows[choice].q
     }
 
-    /// Whether every choice has been at its margin for long.
+    /// True when every choice has been at its margin for `patience` generations.
     pub(super) fn are_settled(&self) -> bool {
         self.freedom() == 0 || self.still >= self.patience
     }
 }
 
-/// The signal that a step must have over its noise, as published.
+/// Signal-to-noise ratio that the adaptation of steps aims at, as published.
 const ALPHA: f64 = 1.5;
 
-/// How far probabilities go at most to where the better half has them.
+/// Largest fraction of the way to the better half's frequencies that a step takes.
 const FASTEST: f64 = 0.5;
 
 impl Row {
@@ -157,7 +159,7 @@ impl Row {
         Self { q: (0..count).map(q).collect(), path: vec![0.0; count], least: margin / others }
     }
 
-    /// The name at a number of 0 to 1.
+    /// Name drawn by a uniform number of 0 to 1.
     fn name(&self, unit: f64) -> usize {
         let mut above = 0.0;
         let passed = |q: &&f64| {
@@ -176,7 +178,7 @@ impl Row {
         g
     }
 
-    /// The squares of G.
+    /// Squares of the elements of G.
     fn squares<'a>(&'a self, g: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.q.iter().zip(g).map(|(q, g)| g * g / q)
     }
@@ -188,8 +190,8 @@ impl Row {
         }
     }
 
-    /// q ← q + rate · g, then the margin: what lies below the least is lifted, and what that takes
-    /// comes from the others, in proportion to what they have above it.
+    /// q ← q + rate · g, then the margin: probabilities below the least are raised to it, at the
+    /// expense of the others in proportion to their excess over it.
     fn step(&mut self, g: &[f64], rate: f64) {
         for (q, g) in self.q.iter_mut().zip(g) {
             *q = (*q + rate * g).max(self.least);
@@ -209,7 +211,7 @@ impl Row {
         self.q.iter().enumerate().map(|(name, q)| q * f(self.coordinate(name))).sum()
     }
 
-    /// Whether all names but one are as rare as they get.
+    /// True when all names but one have the least probability.
     fn is_settled(&self) -> bool {
         let rare = self.q.iter().filter(|q| **q <= self.least * 1.000_001).count();
         rare + 1 >= self.q.len()
@@ -219,15 +221,16 @@ impl Row {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::candidate_generator;
 
     const WEIGHTS: [f64; 3] = [0.6, 0.3, 0.1];
 
-    /// Choices of ten coordinates and ten candidates.
+    /// Choices among ten coordinates, with ten candidates.
     fn choices(starts: &[(usize, f64)]) -> Choices {
         Choices::new(starts, 0.5, 10, 10)
     }
 
-    /// After generations whose better half drew what `names` says of (generation, rank).
+    /// Learns from generations in which `names` gives the names drawn, by generation and rank.
     fn taught(
         mut choices: Choices,
         generations: usize,
@@ -241,11 +244,11 @@ mod tests {
     }
 
     #[test]
-    fn the_starts_name_is_drawn_as_often_as_trusted_and_the_others_share_the_rest() {
+    fn the_start_name_is_drawn_with_the_probability_of_trust_and_the_others_share_the_rest() {
         let choices = choices(&[(4, 0.6), (2, 0.0), (1, 0.5)]);
         let mut counts = [[0_i32; 4]; 3];
         for candidate in 0..4_000 {
-            let names = choices.draw(&mut Draws::new(1, 0, candidate));
+            let names = choices.draw(&mut candidate_generator(1, 0, candidate));
             names.into_iter().enumerate().for_each(|(j, name)| counts[j][name] += 1);
         }
         for (seen, expected) in counts[0].into_iter().zip([667, 667, 2_000, 667]) {
@@ -256,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn without_trust_all_names_are_alike_and_with_all_of_it_none_is_lost() {
+    fn no_trust_makes_names_equally_likely_and_full_trust_loses_none() {
         let first = |trust| Choices::new(&[(4, 0.6)], trust, 10, 10).probabilities(0).to_vec();
         assert_eq!(first(0.0), [0.25; 4]);
         let margin = 1.0 - 0.73f64.powf(0.1);
@@ -278,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn probabilities_go_at_most_half_the_way_to_the_winners() {
+    fn a_step_goes_at_most_half_the_way_to_the_winners() {
         let taught = taught(choices(&[(2, 0.0)]), 1, |_, _| vec![1]);
         assert!((taught.probabilities(0)[1] - 0.75).abs() < 1e-12, "{taught:?}");
     }
@@ -294,11 +297,11 @@ mod tests {
     }
 
     #[test]
-    fn steps_shorten_where_the_winners_are_random_and_not_where_they_agree() {
+    fn steps_shorten_when_winners_are_random_but_not_when_they_agree() {
         let start = || choices(&[(3, 0.5), (2, 0.2), (4, 0.1)]);
         let random = |g: usize, rank: usize| {
-            let mut draws = Draws::new(3, g as u64, rank as u64);
-            [3.0, 2.0, 4.0].map(|count| (draws.unit() * count) as usize).to_vec()
+            let mut generator = candidate_generator(3, g as u64, rank as u64);
+            [3.0, 2.0, 4.0].map(|count| (generator.unit() * count) as usize).to_vec()
         };
         let (lost, sure) = (taught(start(), 200, random), taught(start(), 200, |_, _| vec![0; 3]));
         assert!(lost.caution > 5.0 * sure.caution, "{} {}", lost.caution, sure.caution);
@@ -308,12 +311,12 @@ mod tests {
     }
 
     #[test]
-    fn whatever_wins_the_probabilities_stay_probabilities() {
+    fn probabilities_add_up_to_one_and_keep_their_margin() {
         for seed in 0..50 {
             let names = |g: usize, rank: usize| {
-                let mut draws = Draws::new(seed, g as u64, rank as u64);
+                let mut generator = candidate_generator(seed, g as u64, rank as u64);
                 let skewed = |u: f64| if seed % 2 == 0 { u } else { u * u * u };
-                [1.0, 2.0, 5.0].map(|count| (skewed(draws.unit()) * count) as usize).to_vec()
+                [1.0, 2.0, 5.0].map(|count| (skewed(generator.unit()) * count) as usize).to_vec()
             };
             let choices = taught(choices(&[(1, 0.0), (2, 1.0), (5, 0.5)]), 300, names);
             for j in 0..3 {
@@ -326,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn the_deviation_is_that_of_where_the_names_lie() {
+    fn the_deviation_is_that_of_the_names_coordinates() {
         let choices = choices(&[(2, 0.0), (1, 0.0)]);
         assert_eq!([0, 1].map(|j| choices.deviation(j)), [0.25, 0.0]);
     }

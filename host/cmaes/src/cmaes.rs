@@ -1,4 +1,4 @@
-//! The search itself.
+//! The CMA-ES search: ask, tell, stop.
 
 use nalgebra::DVector;
 
@@ -7,47 +7,47 @@ use super::config::{
     CmaEsConfig, CmaEsConfigError, Coordinate, StopReason, Stops, TellError, check,
 };
 use super::gaussian::Gaussian;
-use super::random::Draws;
+use super::random::candidate_generator;
 use super::strategy::Strategy;
 
-/// One candidate: where it was drawn, and where it is evaluated.
+/// One candidate, as drawn and as evaluated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
-    /// As drawn; may lie outside the cube.
+    /// Point as drawn; may lie outside the cube.
     pub genotype: Vec<f64>,
-    /// Inside: evaluate this.
+    /// Point to evaluate; inside the cube when the search is bounded.
     pub phenotype: Vec<f64>,
 }
 
-/// CMA-ES with active covariance update, and a categorical distribution beside it.
+/// CMA-ES with active covariance update, and categorical distributions for choices.
 ///
 /// Candidate i of generation g depends on (seed, g, i) and the state only, and the state on the
-/// values told: to resume a search, tell it again what it was told.
+/// values told: to resume a search, tell it the same values again.
 #[derive(Clone, Debug)]
 pub struct CmaEs {
     seed: u64,
     stops: Stops,
     initial_sigma: f64,
-    places: Vec<Place>,
+    slots: Vec<Slot>,
     gaussian: Gaussian,
     choices: Choices,
     generation: u64,
-    /// Of every coordinate; of a choice, where its likeliest name lies.
+    /// Mean of every coordinate; for a choice, the coordinate of its likeliest name.
     mean: Vec<f64>,
     best: f64,
 }
 
-/// Which distribution a coordinate belongs to, and its number there.
+/// Distribution of a coordinate, and its index there.
 #[derive(Clone, Copy, Debug)]
-enum Place {
+enum Slot {
     Gaussian(usize),
     Choice(usize),
 }
 
-/// Coordinates on their way to their distributions.
+/// Coordinates sorted by their distributions.
 #[derive(Default)]
 struct Split {
-    places: Vec<Place>,
+    slots: Vec<Slot>,
     ordered: Vec<f64>,
     cells: Vec<Option<usize>>,
     choices: Vec<(usize, f64)>,
@@ -56,17 +56,17 @@ struct Split {
 impl Split {
     fn add(&mut self, coordinate: Coordinate, start: f64) {
         if let Coordinate::Choice(count) = coordinate {
-            self.places.push(Place::Choice(self.choices.len()));
+            self.slots.push(Slot::Choice(self.choices.len()));
             self.choices.push((count, start));
         } else {
-            self.places.push(Place::Gaussian(self.ordered.len()));
+            self.slots.push(Slot::Gaussian(self.ordered.len()));
             self.ordered.push(start);
             self.cells.push(coordinate.cells());
         }
     }
 }
 
-/// What chance says of a candidate: y of its real and whole coordinates, a name of each choice.
+/// Random part of a candidate: y of its real and whole coordinates, a name for each choice.
 struct Draw {
     step: DVector<f64>,
     names: Vec<usize>,
@@ -92,7 +92,7 @@ impl CmaEs {
             seed: config.seed,
             stops: config.stops,
             initial_sigma: config.sigma,
-            places: split.places,
+            slots: split.slots,
             gaussian: Gaussian::new(strategy, config.bounded, start, split.cells),
             choices: Choices::new(&split.choices, config.trust, n, lambda),
             generation: 0,
@@ -107,16 +107,16 @@ impl CmaEs {
         self.each(|i| self.gaussian.mean()[i], |j| self.choices.middle(j))
     }
 
-    /// Something of every coordinate, in their order.
+    /// Collects a value of every coordinate, in their order, by kind.
     fn each<T>(&self, ordered: impl Fn(usize) -> T, choice: impl Fn(usize) -> T) -> Vec<T> {
-        let of = |place: &Place| match *place {
-            Place::Gaussian(i) => ordered(i),
-            Place::Choice(j) => choice(j),
+        let of = |slot: &Slot| match *slot {
+            Slot::Gaussian(i) => ordered(i),
+            Slot::Choice(j) => choice(j),
         };
-        self.places.iter().map(of).collect()
+        self.slots.iter().map(of).collect()
     }
 
-    /// The candidates of this generation; asked twice, the same.
+    /// The candidates of this generation; the same each time until [`Self::tell`].
     pub fn ask(&self) -> Vec<Candidate> {
         (0..self.strategy().lambda)
             .map(|candidate| {
@@ -132,30 +132,29 @@ impl CmaEs {
     }
 
     fn draw(&self, candidate: usize) -> Draw {
-        let mut draws = Draws::new(self.seed, self.generation, candidate as u64);
-        let z = draws.normals(self.strategy().dimension);
-        Draw { step: self.gaussian.step(z), names: self.choices.draw(&mut draws) }
+        let mut generator = candidate_generator(self.seed, self.generation, candidate as u64);
+        let z = generator.normals(self.strategy().dimension);
+        Draw { step: self.gaussian.step(z), names: self.choices.draw(&mut generator) }
     }
 
-    /// Takes the candidates' values, smaller is better, in the order they were asked, and moves on
-    /// a generation.
+    /// Takes the candidates' values, in the order of [`Self::ask`], and moves on a generation.
+    /// Smaller is better.
     ///
-    /// A value that is not a number, or infinite, ranks last; of equals, the first candidate ranks
-    /// first.
+    /// A value that is not finite ranks last; equal values rank in the order of the candidates.
     ///
     /// # Errors
     ///
-    /// [`TellError`] unless there is a value for each candidate; the search is then as before.
+    /// [`TellError`] unless there is a value for each candidate; the search then stays as it is.
     pub fn tell(&mut self, values: &[f64]) -> Result<(), TellError> {
         let asked = self.strategy().lambda;
         if values.len() != asked {
             return Err(TellError { told: values.len(), asked });
         }
-        let worth = |i: &usize| if values[*i].is_finite() { values[*i] } else { f64::INFINITY };
+        let fitness = |i: &usize| if values[*i].is_finite() { values[*i] } else { f64::INFINITY };
         let mut order: Vec<usize> = (0..asked).collect();
-        order.sort_by(|a, b| worth(a).total_cmp(&worth(b)));
-        self.best = self.best.min(worth(&order[0]));
-        // Without a single finite value there is nothing to learn; another draw follows.
+        order.sort_by(|a, b| fitness(a).total_cmp(&fitness(b)));
+        self.best = self.best.min(fitness(&order[0]));
+        // Without a single finite value there is nothing to learn; the next generation draws anew.
         if values.iter().any(|v| v.is_finite()) {
             self.learn(order);
         }
@@ -174,7 +173,7 @@ impl CmaEs {
         self.choices.learn(&strategy.weights[..strategy.mu], &names);
     }
 
-    /// Whether to stop, and why.
+    /// Reason to stop; `None` while the search goes on.
     pub fn stop(&self) -> Option<StopReason> {
         let stops = &self.stops;
         let ratio = self.axis_ratio();
@@ -191,18 +190,18 @@ impl CmaEs {
         checks.into_iter().find(|(holds, _)| *holds).map(|(_, reason)| reason)
     }
 
-    /// Generations told.
+    /// Number of generations told.
     pub fn generation(&self) -> u64 {
         self.generation
     }
 
-    /// The constants.
+    /// Constants of the search.
     pub fn strategy(&self) -> &Strategy {
         self.gaussian.strategy()
     }
 
-    /// Middle of the distribution; within the cube when bounded. Of a choice, where its likeliest
-    /// name lies.
+    /// Mean of the distribution, inside the cube when the search is bounded; for a choice, the
+    /// coordinate of its likeliest name.
     pub fn mean(&self) -> &[f64] {
         &self.mean
     }
@@ -212,16 +211,16 @@ impl CmaEs {
         self.gaussian.sigma()
     }
 
-    /// How likely each name of a choice is drawn; `None` for coordinates that are none.
+    /// Probability of each name of a choice; `None` for other coordinates.
     pub fn probabilities(&self, coordinate: usize) -> Option<&[f64]> {
-        match self.places.get(coordinate)? {
-            Place::Choice(j) => Some(self.choices.probabilities(*j)),
-            Place::Gaussian(_) => None,
+        match self.slots.get(coordinate)? {
+            Slot::Choice(j) => Some(self.choices.probabilities(*j)),
+            Slot::Gaussian(_) => None,
         }
     }
 
-    /// Standard deviation each coordinate is drawn with: σ√C_ii, of whole numbers widened by the
-    /// margin; of choices, that of their names' coordinates.
+    /// Standard deviation of each coordinate: σ√C_ii, for whole numbers widened by the margin; for
+    /// choices, that of their names' coordinates.
     pub fn deviations(&self) -> Vec<f64> {
         let deviations = self.gaussian.deviations();
         self.each(|i| deviations[i], |j| self.choices.deviation(j))
@@ -232,18 +231,18 @@ impl CmaEs {
         self.gaussian.axis_ratio()
     }
 
-    /// Correlations of the coordinates, row by row. A choice is drawn apart from all others.
+    /// Correlations of the coordinates, row by row. A choice is independent of all others.
     pub fn correlations(&self) -> Vec<Vec<f64>> {
-        let of = |i: usize, j: usize| match (self.places[i], self.places[j]) {
-            (Place::Gaussian(a), Place::Gaussian(b)) => self.gaussian.correlation(a, b),
+        let of = |i: usize, j: usize| match (self.slots[i], self.slots[j]) {
+            (Slot::Gaussian(a), Slot::Gaussian(b)) => self.gaussian.correlation(a, b),
             _ => f64::from(u8::from(i == j)),
         };
-        let n = self.places.len();
+        let n = self.slots.len();
         (0..n).map(|i| (0..n).map(|j| of(i, j)).collect()).collect()
     }
 
-    /// How much of the first covariance has been replaced so far, 0 to 1: what the correlations can
-    /// be worth at most.
+    /// Fraction of the initial covariance that has been replaced, 0 to 1. Near 0, the correlations
+    /// mean nothing yet.
     pub fn covariance_learned(&self) -> f64 {
         self.gaussian.learned()
     }

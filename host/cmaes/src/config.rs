@@ -1,48 +1,47 @@
-//! What a search is given, and what it says.
+//! Configuration, stop reasons and errors of a search.
 
 use thiserror::Error;
 
 use super::strategy::Constants;
 
-/// How to search.
+/// Configuration of a search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CmaEsConfig {
-    /// Where to start; its length is the dimension.
+    /// Start point; its length is the dimension.
     pub mean: Vec<f64>,
-    /// Step size to start with.
+    /// Initial step size.
     pub sigma: f64,
-    /// Candidates a generation; `None`: 4 + ⌊3 ln n⌋.
+    /// Candidates per generation; `None`: 4 + ⌊3 ln n⌋.
     pub lambda: Option<usize>,
-    /// Decides every sample.
+    /// Seed of every sample.
     pub seed: u64,
-    /// Which constants.
+    /// Published set of constants.
     pub constants: Constants,
-    /// Whether the search stays in the unit cube, by reflection. Standard deviations then stay
-    /// below 1/3.
+    /// True to keep the search in the unit cube, by reflection. Standard deviations then stay below
+    /// 1/3.
     pub bounded: bool,
-    /// What values each coordinate takes. Empty: every one, all of them.
+    /// Kind of each coordinate; empty: all real.
     pub coordinates: Vec<Coordinate>,
-    /// How likely each choice is drawn as the start has it, at first. 0: no name is likelier than
-    /// another.
+    /// Initial probability of the start's name in each choice. 0: all names are equally likely.
     pub trust: f64,
-    /// When to stop.
+    /// Stopping criteria.
     pub stops: Stops,
 }
 
-/// What values a coordinate takes.
+/// Kind of a coordinate: the values that it takes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Coordinate {
-    /// Every number.
+    /// Any number.
     #[default]
     Real,
-    /// So many numbers, in order: the middles of equal cells of 0 to 1.
+    /// This many numbers, in order: the middles of equal cells of 0 to 1.
     Whole(usize),
-    /// So many names, in no order, at the middles of equal cells of 0 to 1.
+    /// This many names, in no order, at the middles of equal cells of 0 to 1.
     Choice(usize),
 }
 
 impl Coordinate {
-    /// Cells of a coordinate that has an order.
+    /// Number of cells of a whole number.
     pub(super) fn cells(self) -> Option<usize> {
         if let Self::Whole(count) = self { Some(count) } else { None }
     }
@@ -55,38 +54,37 @@ impl Coordinate {
 impl CmaEsConfig {
     /// A search in the unit cube.
     pub fn unit_cube(mean: Vec<f64>, sigma: f64, seed: u64) -> Self {
-        let stops = Stops::default();
-        let constants = Constants::default();
         Self {
             mean,
             sigma,
             lambda: None,
             seed,
-            constants,
+            constants: Constants::default(),
             bounded: true,
             coordinates: Vec::new(),
             trust: TRUST,
-            stops,
+            stops: Stops::default(),
         }
     }
 }
 
-/// With less, a start that is right is unlearned first; with more, one that is wrong is kept too
-/// long. 0.7 loses to rounding in neither case: benches/record/optimiser.md.
+/// Default of [`CmaEsConfig::trust`]. With less, a right start is unlearned first; with more, a
+/// wrong one is kept too long. With 0.7, choices are as good as rounded reals or better in both
+/// cases: benches/record/optimiser.md.
 const TRUST: f64 = 0.7;
 
-/// When to stop. Tolerances of the function value are left out on purpose: ours is noisy.
+/// Stopping criteria. None is on the progress of the function value, because ours is noisy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stops {
-    /// After so many generations.
+    /// Largest number of generations.
     pub generations: Option<u64>,
-    /// When a value at or below this was told.
+    /// Value to reach: stops when one at or below it was told.
     pub target: Option<f64>,
-    /// When every standard deviation is below this times the initial step size.
+    /// Stops when every standard deviation is below this times the initial step size.
     pub tol_x: f64,
-    /// When the largest standard deviation is above this times the initial step size.
+    /// Stops when the largest standard deviation is above this times the initial step size.
     pub tol_x_up: f64,
-    /// When the condition number of C is above this.
+    /// Stops when the condition number of C is above this.
     pub condition: f64,
 }
 
@@ -96,18 +94,18 @@ impl Default for Stops {
     }
 }
 
-/// Why a search stopped.
+/// Reason that a search stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StopReason {
     /// The generations are used up.
     Generations,
     /// The target was reached.
     Target,
-    /// Nothing moves any more.
+    /// The standard deviations are below the tolerance, and every choice has settled.
     TolX,
     /// The steps grow without end: the step size was far too small, or the function has no minimum.
     TolXUp,
-    /// C can no longer be told from a singular matrix.
+    /// C is numerically singular.
     Condition,
 }
 
@@ -119,21 +117,21 @@ pub struct CmaEsConfigError {
     pub field: &'static str,
     /// Its value.
     pub value: String,
-    /// What it must be.
+    /// Its requirement.
     pub expected: &'static str,
 }
 
-/// Values that do not fit the candidates.
+/// A number of values other than that of the candidates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("told {told} values for {asked} candidates")]
 pub struct TellError {
-    /// Values told.
+    /// Number of values told.
     pub told: usize,
-    /// Candidates a generation.
+    /// Candidates per generation.
     pub asked: usize,
 }
 
-/// Names the first field that cannot run.
+/// Refuses the first field that cannot run.
 pub(super) fn check(config: &CmaEsConfig) -> Result<(), CmaEsConfigError> {
     let fail = |field, value: String, expected| Err(CmaEsConfigError { field, value, expected });
     if config.mean.is_empty() || config.mean.iter().any(|m| !m.is_finite()) {

@@ -1,4 +1,4 @@
-//! Real and whole coordinates: a normal distribution that moves.
+//! The normal distribution of real and whole coordinates, and its update.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
@@ -6,7 +6,7 @@ use super::bounds::{is_mirrored, reflect};
 use super::margin::Margin;
 use super::strategy::{Constants, Strategy};
 
-/// N(m, σ²C) over the coordinates that have an order; there may be none.
+/// N(m, σ²C) over the real and whole coordinates; there may be none.
 #[derive(Clone, Debug)]
 pub(super) struct Gaussian {
     strategy: Strategy,
@@ -29,7 +29,7 @@ pub(super) struct Gaussian {
 const MAX_STD: f64 = 1.0 / 3.0;
 
 impl Gaussian {
-    /// N(m, σ²I); `cells` of each coordinate that stands for whole numbers.
+    /// N(m, σ²I); `cells` has the number of cells of each whole coordinate.
     pub(super) fn new(
         strategy: Strategy,
         bounded: bool,
@@ -63,14 +63,14 @@ impl Gaussian {
         &self.mean + self.sigma * step
     }
 
-    /// Where a coordinate is evaluated.
+    /// Value at which coordinate `i`, drawn as `x`, is evaluated.
     pub(super) fn express(&self, i: usize, x: f64) -> f64 {
         let wide = self.margin.widen(i, self.mean[i], x);
         let inside = if self.bounded { reflect(wide) } else { wide };
         self.margin.snap(i, inside)
     }
 
-    /// Ends a generation that taught nothing more.
+    /// Ends a generation.
     pub(super) fn advance(&mut self) {
         self.generation += 1;
         self.decompose_when_due();
@@ -123,7 +123,7 @@ impl Gaussian {
         &self.b * (self.b.tr_mul(v)).component_div(&self.d)
     }
 
-    /// h_σ: false while the path is so long that C should not learn from it.
+    /// h_σ: false while the path is too long for C to learn from it.
     fn is_path_short(&self, length: f64) -> bool {
         let s = &self.strategy;
         let n = s.dimension as f64;
@@ -135,13 +135,13 @@ impl Gaussian {
         }
     }
 
-    /// A negative weight is scaled so that C stays positive definite, however long the step.
+    /// Weight of a step; a negative one is scaled so that C stays positive definite.
     fn bounded_weight(&self, weight: f64, step: &DVector<f64>, n: f64) -> f64 {
         if weight >= 0.0 { weight } else { weight * n / (self.whiten(step).norm_squared() + 1e-8) }
     }
 
-    /// Brings a mean that has left the cube back. The function of the genotype is mirrored there,
-    /// so the mirrored distribution is the same search.
+    /// Brings a mean that has left the cube back. Outside, the function of the genotype is
+    /// mirrored, so the mirrored distribution is the same search.
     fn fold_mean(&mut self) {
         for i in 0..self.mean.len() {
             if is_mirrored(self.mean[i]) {
@@ -152,8 +152,8 @@ impl Gaussian {
         }
     }
 
-    /// Keeps each standard deviation within a third of the cube: beyond it, reflection makes
-    /// samples uniform anyway.
+    /// Limits each standard deviation to a third of the cube: beyond it, reflection makes samples
+    /// uniform in any case.
     fn cap_deviations(&mut self) {
         for i in 0..self.mean.len() {
             let deviation = self.sigma * self.c[(i, i)].max(0.0).sqrt();
@@ -168,11 +168,10 @@ impl Gaussian {
         self.c.row_mut(i).scale_mut(factor);
         self.c.column_mut(i).scale_mut(factor);
         self.path_c[i] *= factor;
-        self.eigen_generation = 0; // B and D are of another C now
+        self.eigen_generation = 0; // B and D no longer belong to C: decompose again
     }
 
-    /// Decomposes C as often as it has changed noticeably: every generation up to some 60
-    /// parameters.
+    /// Decomposes C when it has changed noticeably: every generation up to some 60 parameters.
     fn decompose_when_due(&mut self) {
         let s = &self.strategy;
         if s.dimension == 0 {
@@ -205,7 +204,7 @@ impl Gaussian {
         self.b = eigen.eigenvectors;
     }
 
-    /// B D² Bᵀ: the last C that could be decomposed.
+    /// B D² Bᵀ, the last C that could be decomposed.
     fn recomposed(&self) -> DMatrix<f64> {
         let mut c = DMatrix::zeros(self.d.len(), self.d.len());
         for (axis, length) in self.b.column_iter().zip(&self.d) {
@@ -214,7 +213,7 @@ impl Gaussian {
         c
     }
 
-    /// The constants.
+    /// Constants of the search.
     pub(super) fn strategy(&self) -> &Strategy {
         &self.strategy
     }
@@ -234,13 +233,13 @@ impl Gaussian {
         self.c.diagonal().iter().map(|c| self.sigma * c.max(0.0).sqrt()).collect()
     }
 
-    /// σ√C_ii, of whole numbers widened by the margin.
+    /// σ√C_ii, for whole numbers widened by the margin.
     pub(super) fn deviations(&self) -> Vec<f64> {
         let spread = self.spread().into_iter().enumerate();
         spread.map(|(i, deviation)| self.margin.widen(i, 0.0, deviation)).collect()
     }
 
-    /// Ratio of the longest to the shortest axis; 1 without any.
+    /// Ratio of the longest to the shortest axis; 1 without coordinates.
     pub(super) fn axis_ratio(&self) -> f64 {
         let least = self.d.iter().copied().reduce(f64::min).unwrap_or(1.0);
         self.d.iter().copied().reduce(f64::max).unwrap_or(1.0) / least
@@ -252,7 +251,7 @@ impl Gaussian {
         self.c[(i, j)] / (root(i) * root(j))
     }
 
-    /// How much of the first covariance has been replaced.
+    /// Fraction of the initial covariance that has been replaced.
     pub(super) fn learned(&self) -> f64 {
         let kept = 1.0 - self.strategy.c_1 - self.strategy.c_mu;
         1.0 - libm::pow(kept, self.generation as f64)

@@ -18,20 +18,21 @@
 //! # }
 //! ```
 //!
-//! Candidate i of generation g is a function of the seed and of the values told: to resume a
-//! search, tell it again what it was told. The same on every machine and any number of threads.
+//! Candidate i of generation g is a function of the seed and of the values told, the same on every
+//! machine and any number of threads. To resume a search, tell it the same values again.
 //!
-//! | what | how |
+//! | feature | method |
 //! |---|---|
 //! | bounds | the unit cube, by reflection ([`reflect`]) |
 //! | whole numbers | cells of 0 to 1, with margin (arXiv:2205.13482): [`Coordinate::Whole`] |
-//! | choices | a probability for each name: CatCMA (arXiv:2405.09962): [`Coordinate::Choice`] |
-//! | constants | the tutorial's, or pycma 4.5's ([`Constants`]) |
-//! | two objectives | [`Pareto`]: NSGA-II, by ask and tell as well |
-//! | stops | generations, target, too small or large steps, condition ([`Stops`]) |
+//! | choices | a probability for each name, CatCMA (arXiv:2405.09962): [`Coordinate::Choice`] |
+//! | constants | of the tutorial or of pycma 4.5: [`Constants`] |
+//! | two objectives | NSGA-II, by ask and tell as well: [`Pareto`] |
+//! | stops | generations, target, too small or large steps, condition: [`Stops`] |
 //!
-//! Hansen, "The CMA Evolution Strategy: A Tutorial" (arXiv:1604.00772), with active covariance
-//! updates. Own code, because bounds, replay and what a report shows sit inside the update.
+//! After Hansen, "The CMA Evolution Strategy: A Tutorial" (arXiv:1604.00772), with active
+//! covariance updates. Written here instead of taken from a crate, because bounds, resuming and the
+//! quantities that a report shows sit inside the update.
 
 mod bounds;
 mod choices;

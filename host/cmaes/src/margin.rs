@@ -1,6 +1,6 @@
 //! Whole numbers: CMA-ES with margin (Hamano et al., GECCO 2022, arXiv:2205.13482).
 
-/// Keeps a probability of at least α on the cells beside the mean's, so that no whole number
+/// Keeps a probability of at least α for the cells beside the mean's, so that no whole number
 /// settles for good.
 ///
 /// ```text
@@ -10,11 +10,11 @@
 /// | name | meaning                                                               |
 /// |------|-----------------------------------------------------------------------|
 /// | `x`  | as drawn from N(m, σ²C); the update learns from it, not from `v`      |
-/// | `A`  | diagonal, 1 at first: how much wider than C says a coordinate is drawn |
+/// | `A`  | diagonal, 1 at first: factor that widens the deviation of a coordinate |
 ///
-/// Without it a parameter of two or three values soon takes the same value in every candidate,
-/// right or wrong. The paper rounds to the nearest value; equal cells of 0 to 1 are the same rule
-/// on its grid.
+/// Without the margin, a parameter of two or three values soon takes the same value in every
+/// candidate, right or wrong. The paper rounds to the nearest value; equal cells of 0 to 1 are the
+/// same rule on our grid.
 #[derive(Clone, Debug)]
 pub(super) struct Margin {
     cells: Vec<Option<usize>>,
@@ -23,7 +23,7 @@ pub(super) struct Margin {
 }
 
 impl Margin {
-    /// For n coordinates and λ candidates; `cells` is empty when none stands for whole numbers.
+    /// For n coordinates and λ candidates; `cells` is empty when none is whole.
     pub(super) fn new(cells: Vec<Option<usize>>, n: usize, lambda: usize) -> Self {
         Self { cells, a: vec![1.0; n], alpha: 1.0 / (n * lambda) as f64 }
     }
@@ -32,18 +32,18 @@ impl Margin {
         self.cells.get(i).copied().flatten()
     }
 
-    /// v = m + A (x − m); `x` itself where every value is allowed.
+    /// v = m + A (x − m) of a whole coordinate; `x` itself of a real one.
     pub(super) fn widen(&self, i: usize, mean: f64, x: f64) -> f64 {
         self.cells(i).map_or(x, |_| mean + self.a[i] * (x - mean))
     }
 
-    /// The middle of the cell that `v` lies in; `v` itself where every value is allowed.
+    /// Middle of the cell that `v` lies in, of a whole coordinate; `v` itself of a real one.
     pub(super) fn snap(&self, i: usize, v: f64) -> f64 {
         self.cells(i).map_or(v, |count| (cell(v, count) + 0.5) / count as f64)
     }
 
-    /// Restores the margin after an update: moves the mean of a coordinate, and widens it, as far
-    /// as needed.
+    /// Restores the margin after an update: moves the mean of a coordinate and widens its deviation
+    /// as far as needed.
     pub(super) fn correct(&mut self, mean: &mut [f64], spread: &[f64]) {
         for i in 0..self.cells.len() {
             let Some(count) = self.cells(i).filter(|&count| count > 1) else { continue };
@@ -65,8 +65,8 @@ impl Margin {
         }
     }
 
-    /// The mean and the deviation that leave at least about α/2 beyond either wall; `None` when
-    /// these do.
+    /// Mean and deviation that leave a probability of at least about α/2 beyond either wall of the
+    /// cell; `None` when the present ones do.
     fn between(&self, mean: f64, deviation: f64, low: f64, up: f64) -> Option<(f64, f64)> {
         let least = self.alpha / 2.0;
         let p = [tail((mean - low) / deviation), tail((up - mean) / deviation)];
@@ -76,8 +76,7 @@ impl Margin {
         let middle = 1.0 - p[0] - p[1];
         let raised = p.map(|p| p.max(least));
         let all = raised[0] + middle + raised[1];
-        // What was added is taken back from what lies above the least, so that all add up to 1
-        // again.
+        // Takes the excess from all that lies above the least, so that the sum is 1 again.
         let fair = raised.map(|p| p + (1.0 - all) * (p - least) / (all - 3.0 * least));
         let q = fair.map(|p| quantile(p.clamp(1e-10, 0.5 - 1e-10)));
         let sum = q[0] + q[1];
@@ -85,7 +84,8 @@ impl Margin {
     }
 }
 
-/// Which of `count` equal cells of 0 to 1 a coordinate lies in; beyond, the outermost.
+/// Index of the cell, of `count` equal ones of 0 to 1, that holds a coordinate; outside, the
+/// outermost.
 fn cell(u: f64, count: usize) -> f64 {
     (u * count as f64).floor().clamp(0.0, count as f64 - 1.0)
 }
@@ -95,10 +95,10 @@ fn tail(z: f64) -> f64 {
     0.5 * libm::erfc(z / std::f64::consts::SQRT_2)
 }
 
-/// The z above which a standard normal lies with probability `p`, 1e-10 to 0.5; √χ²₁ of 1 − 2p.
+/// Inverse of [`tail`] for `p` from 1e-10 to 0.5; √χ²₁ of 1 − 2p.
 ///
-/// Newton on ln tail(z), which is concave: the first step from 0 overshoots, every later one comes
-/// back without passing.
+/// Newton's method on ln tail(z), which is concave: the first step from 0 overshoots, every later
+/// one comes back without passing the root.
 fn quantile(p: f64) -> f64 {
     let mut z = 0.0;
     for _ in 0..12 {
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wide_enough_is_left_alone() {
+    fn a_deviation_that_is_wide_enough_stays_as_it_is() {
         let mut margin = Margin::new(vec![None, Some(5)], 2, 10);
         let mut mean = [0.3, 0.5];
         margin.correct(&mut mean, &[1e-9, 0.1]);

@@ -1,6 +1,6 @@
-//! The fixed constants: one equation a line.
+//! Fixed constants of CMA-ES, one equation a line.
 
-/// Which published set of constants.
+/// Published set of constants.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Constants {
     /// The tutorial of 2016 (arXiv:1604.00772, Eqs. 49–58).
@@ -11,43 +11,42 @@ pub enum Constants {
     Pycma,
 }
 
-/// Everything about a search that does not move.
+/// Constants of a search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Strategy {
-    /// n: real and whole coordinates.
+    /// n, number of real and whole coordinates.
     pub dimension: usize,
-    /// λ.
+    /// λ, candidates per generation.
     pub lambda: usize,
-    /// μ.
+    /// μ, candidates with a positive weight.
     pub mu: usize,
-    /// w_1..w_λ, the last ones negative.
+    /// w_1..w_λ, recombination weights, the last ones negative.
     pub weights: Vec<f64>,
-    /// μ_eff.
+    /// μ_eff, variance effective selection mass.
     pub mu_eff: f64,
-    /// c_σ.
+    /// c_σ, learning rate of the path of σ.
     pub c_sigma: f64,
-    /// d_σ.
+    /// d_σ, damping of σ.
     pub d_sigma: f64,
-    /// c_c.
+    /// c_c, learning rate of the path of C.
     pub c_c: f64,
-    /// c_1.
+    /// c_1, learning rate of the rank-one update.
     pub c_1: f64,
-    /// c_μ.
+    /// c_μ, learning rate of the rank-μ update.
     pub c_mu: f64,
-    /// E‖N(0, I)‖.
+    /// E‖N(0, I)‖, mean length of a standard normal vector.
     pub chi_n: f64,
-    /// Which set this is.
+    /// Published set that these are of.
     pub constants: Constants,
 }
 
 impl Strategy {
-    /// λ = 4 + ⌊3 ln n⌋ (Eq. 48).
+    /// Default λ = 4 + ⌊3 ln n⌋ (Eq. 48).
     pub fn default_lambda(dimension: usize) -> usize {
         4 + (3.0 * libm::log(dimension as f64)) as usize
     }
 
-    /// The constants for n parameters and λ candidates, at least 2. Without a parameter, those of
-    /// one.
+    /// Constants for n coordinates and λ candidates, at least 2; for n = 0 those of 1.
     pub fn new(dimension: usize, lambda: usize, constants: Constants) -> Self {
         let n = dimension.max(1) as f64;
         let mu = lambda / 2;
@@ -59,7 +58,7 @@ impl Strategy {
         let c_1 = c_1(n, mu_eff, lambda, constants);
         let c_mu = c_mu(n, mu_eff, c_1, constants);
         let c_sigma = c_sigma(n, mu_eff, constants);
-        // Eqs. 50–52: how much negative weight there may be.
+        // Eqs. 50–52: bounds of the sum of negative weights.
         let learning = 1.0 + c_1 / c_mu;
         let selection = 1.0 + 2.0 * mu_eff_minus / (mu_eff + 2.0);
         let definite = (1.0 - c_1 - c_mu) / (n * c_mu);
@@ -81,14 +80,14 @@ impl Strategy {
     }
 }
 
-/// (Σw)² / Σw².
+/// Effective number of weights, (Σw)² / Σw².
 fn effective(weights: &[f64]) -> f64 {
     let sum: f64 = weights.iter().sum();
     let squares: f64 = weights.iter().map(|w| w * w).sum();
     if squares == 0.0 { 0.0 } else { sum * sum / squares }
 }
 
-/// Positive weights add up to 1, negative ones to −`negative`.
+/// Scales the weights: positive ones add up to 1, negative ones to −`negative`.
 fn normalised(raw: &[f64], negative: f64) -> Vec<f64> {
     let positive_sum: f64 = raw.iter().filter(|w| **w > 0.0).sum();
     let negative_sum: f64 = -raw.iter().filter(|w| **w < 0.0).sum::<f64>();
@@ -222,10 +221,10 @@ mod tests {
         }
     }
 
-    /// Few parameters and many candidates: Eq. 58 alone would learn more than all. Worked out by
-    /// hand from the tutorial: 1.0497, 1.1639 and 1.3046 before the bound.
+    /// With few parameters and many candidates, Eq. 58 alone would give 1.0497, 1.1639 and 1.3046.
+    /// Computed by hand from the tutorial.
     #[test]
-    fn the_covariance_learns_no_more_than_all_of_itself() {
+    fn the_learning_rates_of_the_covariance_add_up_to_at_most_one() {
         for (n, lambda, c_1, c_mu) in [
             (2, 40, 0.090_092_19, 0.688_252_05), // below the bound
             (2, 80, 0.061_203_10, 0.938_796_90),
@@ -246,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_length_is_exact_where_pycma_has_it_exact() {
+    fn the_mean_length_is_exact_up_to_four_dimensions_as_in_pycma() {
         use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
         let chi = |n| Strategy::new(n, 6, Constants::Pycma).chi_n;
         assert!(

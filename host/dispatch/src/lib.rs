@@ -1,4 +1,4 @@
-//! One function compiled for two vector units, and the better one chosen when it runs.
+//! Compiles a function for several vector units and chooses the best at run time.
 //!
 //! ```
 //! #[inline(always)]
@@ -7,25 +7,24 @@
 //! }
 //!
 //! echoloop_dispatch::dispatch! {
-//!     /// The sum, by the widest vectors that this processor has.
+//!     /// Sum, with the widest vectors of this processor.
 //!     pub fn sum(values: &[f32]) -> f32 = sum_inline;
 //! }
 //!
 //! assert_eq!(sum(&[1.0, 2.0]), 3.0);
 //! ```
 //!
-//! The second build is for x86-64-v3 (AVX2). Rust contracts no multiplication with an addition on
-//! its own, so both builds give the same bits. For AVX-512 nothing is compiled once more: LLVM's
-//! code for it has been slower on loops like ours. A loop in intrinsics may ask for it by
-//! [`has_avx512`].
+//! The second build is for x86-64-v3 (AVX2). Rust never fuses a multiplication and an addition on
+//! its own, so both builds give the same bits. There is no third build for AVX-512: LLVM's code for
+//! it has been slower on loops like ours. Loops in intrinsics can use it, after [`has_avx512`].
 //!
-//! The crate `multiversion` does more, for more processors. It names the features at each function,
-//! hides the plain build that our tests compare with, and does not help where a loop is written in
-//! intrinsics, which [`dispatch!`] chooses in the same way.
+//! The crate `multiversion` supports more processors. But it repeats the features at each function,
+//! hides the plain build that our tests compare with, and does not choose between functions that
+//! are written in intrinsics, as [`dispatch!`] does.
 
 #![cfg_attr(not(target_arch = "x86_64"), no_std)]
 
-/// Whether this processor runs the x86-64-v3 build: `avx2,bmi1,bmi2,lzcnt`.
+/// True when this processor runs the x86-64-v3 build: `avx2,bmi1,bmi2,lzcnt`.
 #[inline]
 pub fn has_v3() -> bool {
     #[cfg(target_arch = "x86_64")]
@@ -41,10 +40,10 @@ pub fn has_v3() -> bool {
     }
 }
 
-/// Whether this processor runs loops in intrinsics of AVX-512: `avx512f,avx512bw,avx512vnni`.
+/// True when this processor runs loops in AVX-512 intrinsics: `avx512f,avx512bw,avx512vnni`.
 ///
-/// All three have come together since 2019 (Cascade Lake, Zen 4). What has them runs x86-64-v3,
-/// too.
+/// All three have come together since 2019 (Cascade Lake, Zen 4). A processor that has them also
+/// runs the x86-64-v3 build.
 #[inline]
 pub fn has_avx512() -> bool {
     #[cfg(target_arch = "x86_64")]
@@ -60,8 +59,8 @@ pub fn has_avx512() -> bool {
     }
 }
 
-/// Proof that x86-64-v3 has been found: loops in intrinsics take it, and need no promise from
-/// their caller.
+/// Proof that the processor has x86-64-v3. A function that takes it can use intrinsics and still be
+/// safe to call.
 ///
 /// ```compile_fail
 /// let forged = echoloop_dispatch::V3(());
@@ -76,11 +75,11 @@ pub struct V3(());
 
 #[cfg(target_arch = "x86_64")]
 impl V3 {
-    /// What is compiled for these features itself calls it without `unsafe`.
+    /// Functions compiled for these features call it without `unsafe`.
     ///
     /// # Safety
     ///
-    /// Where else it is called, [`has_v3`] must have said yes.
+    /// From any other function, [`has_v3`] must have returned true before.
     #[inline]
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
     pub fn here() -> Self {
@@ -88,15 +87,15 @@ impl V3 {
     }
 }
 
-/// Declares functions that run the build of their body which suits the processor.
+/// Declares functions that run the best build of their body for the processor.
 ///
-/// | form | build beside the plain one |
+/// | form | builds besides the plain one |
 /// |---|---|
-/// | `fn f(x: T) -> R = body;` | `body` once more, which must be `#[inline(always)]` |
+/// | `fn f(x: T) -> R = body;` | `body` for [`has_v3`]; it must be `#[inline(always)]` |
 /// | `fn f(x: T) -> R = body, v3: other;` | `other`, a safe function with [`has_v3`]'s features |
 /// | `… = body, v3: other, avx512: wide;` | also `wide`, a safe one with [`has_avx512`]'s |
 ///
-/// The plain build is `body` itself: tests compare with it.
+/// The plain build is `body` itself, for tests to compare with.
 #[macro_export]
 macro_rules! dispatch {
     ($(
@@ -121,7 +120,7 @@ macro_rules! dispatch {
     )*};
 }
 
-/// Returns what a path gives where there is AVX-512; without one goes on.
+/// Calls `wide` and returns its result if the processor has AVX-512; does nothing without `wide`.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! return_wide {
@@ -139,7 +138,7 @@ macro_rules! return_wide {
     ([] $($rest:tt)*) => {};
 }
 
-/// The first of one or two paths.
+/// The first of one or two paths, `other` before `body`.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! one_of {

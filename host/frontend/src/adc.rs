@@ -1,4 +1,4 @@
-//! Noise, gain, clip and quantisation, by an amplifier that may take time to recover.
+//! Amplifier and converter: noise, gain, clipping, recovery from overload, quantisation.
 
 use std::ops::Range;
 
@@ -8,37 +8,38 @@ use crate::receiver::Receiver;
 /// 1.5 · 2²³: adding it to 0 ≤ x < 2²² leaves `round(x)`, ties to even, in the low bits.
 pub(crate) const ROUND: f32 = 12_582_912.0;
 
-/// What turns a signal current into codes: the constants of one set of settings.
+/// Converts a signal current to ADC codes; holds the constants of one set of settings.
 ///
 /// ```text
 /// L[n] = 2^b·(G[n]·(i_quiet + i[n]) / i_fs + black) + 2^b·G[n]·σ(i[n]) / i_fs · z[n]      codes
 /// x[n] = round( clip( L[n] + T[n], 0, limit ) )
-/// e[n] = L[n] − limit                          what the amplifier cannot follow
+/// e[n] = L[n] − limit                          excess over the amplifier's limit
 /// T[n] = max(T[n−1], a·e[n])                   while e > 0: held, the output is at its limit
 /// T[n] = T[n−1] · e^(−Δ/τ)                     else: it recovers
 /// ```
 ///
-/// G[n] is [`Analog::gain_at`], a `overload_tail`, τ `overload_tail_ns`. So n samples after the
-/// last one that clips the tail is a·e_max·e^(−nΔ/τ). The tail is the amplifier's: it brings no
-/// shot noise.
+/// G[n] is [`Analog::gain_at`], a `overload_tail`, τ `overload_tail_ns`. The tail is therefore
+/// a·e_max·e^(−nΔ/τ) n samples after the last clipped one. It arises in the amplifier, so it adds
+/// no shot noise.
 #[derive(Clone, Debug)]
 pub(crate) struct Amplifier {
+    /// Codes per µA at full gain.
     codes_per_ua: f32,
-    /// The same of each sample before the gain is full.
+    /// Codes per µA of each sample before the gain is full.
     near_codes_per_ua: Vec<f32>,
     /// Largest code.
     limit: f32,
-    /// Codes of no current.
+    /// Black level, codes.
     black: f32,
     quiet_ua: f32,
     quiet_variance_ua2: f32,
     shot_variance_ua: f32,
-    /// Where an overload leaves one.
+    /// Present when an overload leaves a tail.
     tail: Option<Tail>,
 }
 
 impl Amplifier {
-    /// For so many samples.
+    /// Prepares the constants for a window of `samples`.
     pub(crate) fn new(receiver: &Receiver, analog: &Analog, samples: usize) -> Self {
         let full_scale = f64::from(1u32 << receiver.adc_bits);
         let codes_per_ua = |gain: f64| (gain * receiver.codes_per_ua()) as f32;
@@ -55,7 +56,7 @@ impl Amplifier {
         }
     }
 
-    /// Codes of a signal that is nowhere but in the spans `lit`.
+    /// Converts a signal that is zero outside the spans `lit`.
     #[inline(always)]
     pub(crate) fn convert(
         &self,
@@ -70,7 +71,7 @@ impl Amplifier {
             let recover = |level, limit| level + tail.after(level - limit);
             return self.convert_each(near.chain(full), signal_ua, normal, codes, recover);
         }
-        // Without a tail no sample hangs on the one before it, and loops run in vectors.
+        // Without a tail no sample depends on the one before it, so the loops vectorise.
         let begin = near.len().min(codes.len());
         self.convert_quiet(&normal[begin..], &mut codes[begin..]);
         let (signal, z, out) = (&signal_ua[..begin], &normal[..begin], &mut codes[..begin]);
@@ -82,7 +83,7 @@ impl Amplifier {
         }
     }
 
-    /// Codes without a signal at full gain: those of [`Self::convert_each`].
+    /// Converts samples without a signal, at full gain; same codes as [`Self::convert_each`].
     #[inline(always)]
     fn convert_quiet(&self, normal: &[f32], codes: &mut [u16]) {
         let (level, spread) = self.level_and_spread(self.codes_per_ua, 0.0);
@@ -91,7 +92,7 @@ impl Amplifier {
         }
     }
 
-    /// `recover` says what becomes of a level, given the limit.
+    /// Converts sample by sample; `recover` maps a level and the limit to the level with its tail.
     #[inline(always)]
     fn convert_each(
         &self,
@@ -108,7 +109,7 @@ impl Amplifier {
         }
     }
 
-    /// Mean and σ of a sample, codes.
+    /// Mean and standard deviation of a sample, codes.
     #[inline(always)]
     fn level_and_spread(&self, codes_per_ua: f32, signal_ua: f32) -> (f32, f32) {
         let sigma_ua = (self.quiet_variance_ua2 + self.shot_variance_ua * signal_ua).sqrt();
@@ -121,7 +122,7 @@ impl Amplifier {
     }
 }
 
-/// T of [`Amplifier`].
+/// Tail T of an overload, see [`Amplifier`].
 #[derive(Clone, Debug)]
 struct Tail {
     fraction: f32,
@@ -135,7 +136,7 @@ impl Tail {
         Self { fraction: receiver.overload_tail as f32, decay, value: 0.0 }
     }
 
-    /// Of a sample that exceeds the limit by this.
+    /// Tail after a sample that exceeds the limit by `excess`.
     #[inline(always)]
     fn after(&mut self, excess: f32) -> f32 {
         self.value = if excess > 0.0 {
@@ -170,16 +171,16 @@ mod tests {
         Exposure { receiver, analog: &ANALOG, returns, background: &[], key }
     }
 
-    fn shot(receiver: &Receiver, beam: u32) -> Vec<u16> {
+    fn codes(exposure: &Exposure<'_>) -> Vec<u16> {
         let mut codes = vec![0; 400];
-        let exposure = exposure(receiver, &[NEAR], beam);
-        synthesise(&exposure, &mut ShotBuffers::default(), &mut codes);
+        synthesise(exposure, &mut ShotBuffers::default(), &mut codes);
         codes
     }
 
     #[test]
     fn the_tail_begins_where_clipping_ends_and_decays_with_its_constant() {
         let receiver = slow();
+        let shot = |receiver: &Receiver, beam| codes(&exposure(receiver, &[NEAR], beam));
         let mut difference = vec![0.0; 400];
         const SHOTS: u32 = 200;
         for beam in 0..SHOTS {
@@ -196,7 +197,7 @@ mod tests {
         let last = sound.iter().rposition(|&code| code == 4095).unwrap();
         assert!(
             difference[..=last].iter().all(|&d| d == 0.0),
-            "nothing before {first}, nor while it clips"
+            "the codes are the same before {first} and while it clips"
         );
         // 199 µA over 30 µA of full scale: the overload is 5.64 full scales; 2 % of it is 462
         // codes.
@@ -214,19 +215,14 @@ mod tests {
     }
 
     #[test]
-    fn without_an_overload_the_codes_are_those_of_a_sound_amplifier() {
+    fn without_an_overload_a_slow_amplifier_gives_the_codes_of_an_ideal_one() {
         let weak = Return { strength_per_m2: NEAR.strength_per_m2 / 20.0, ..NEAR };
         for (receiver, returns) in
             [(slow(), [weak]), (Receiver { overload_tail_ns: 7.0, ..Receiver::default() }, [NEAR])]
         {
             for beam in 0..20 {
-                let run = |receiver: &Receiver| {
-                    let mut codes = vec![0; 400];
-                    let exposure = exposure(receiver, &returns, beam);
-                    synthesise(&exposure, &mut ShotBuffers::default(), &mut codes);
-                    codes
-                };
-                assert_eq!(run(&receiver), run(&Receiver::default()));
+                let shot = |receiver: &Receiver| codes(&exposure(receiver, &returns, beam));
+                assert_eq!(shot(&receiver), shot(&Receiver::default()));
             }
         }
     }
@@ -234,16 +230,12 @@ mod tests {
     /// 1 dB/m up to 40 m.
     const RISING: Analog = Analog { gain_slope_db_ns: 0.15, gain_full_ns: 271.85, ..ANALOG };
 
-    /// Means of 400 shots of a wall without noise to speak of, and of as many quiet ones.
+    /// Mean waveform of 400 shots.
     fn means(analog: &Analog, returns: &[Return]) -> Vec<f64> {
-        let mut sum = vec![0.0; 400];
+        let (receiver, mut sum) = (Receiver::default(), vec![0.0; 400]);
         for beam in 0..400 {
-            let receiver = Receiver::default();
-            let key = noise_key(3, Trigger { frame: 0, beam, shot: 0 });
-            let exposure = Exposure { receiver: &receiver, analog, returns, background: &[], key };
-            let mut codes = vec![0; 400];
-            synthesise(&exposure, &mut ShotBuffers::default(), &mut codes);
-            for (sum, code) in sum.iter_mut().zip(codes) {
+            let exposure = Exposure { analog, ..exposure(&receiver, returns, beam) };
+            for (sum, code) in sum.iter_mut().zip(codes(&exposure)) {
                 *sum += f64::from(code) / 400.0;
             }
         }
@@ -262,16 +254,14 @@ mod tests {
             assert!((rising - expected).abs() < 1.0, "sample {n}: {rising} against {expected}");
         }
         // 37 dB down the noise is below a code.
-        let mut codes = vec![0; 400];
         let (receiver, analog) = (slow(), lifted(RISING));
-        let exposure = Exposure { analog: &analog, ..exposure(&receiver, &[], 0) };
-        synthesise(&exposure, &mut ShotBuffers::default(), &mut codes);
+        let codes = codes(&Exposure { analog: &analog, ..exposure(&receiver, &[], 0) });
         let spread = |codes: &[u16]| codes.iter().max().unwrap() - codes.iter().min().unwrap();
         assert!(spread(&codes[..40]) <= 2 && spread(&codes[300..]) > 30, "{codes:?}");
     }
 
     #[test]
-    fn the_overlap_is_nothing_below_nine_tenths_of_its_range_and_all_from_there_on() {
+    fn the_overlap_rises_from_none_at_nine_tenths_of_its_range_to_all() {
         let top = |overlap_m, range_m: f32| {
             let wall = Return { range_m, strength_per_m2: 1e-5 };
             let seen = means(&Analog { overlap_m, ..ANALOG }, &[wall]);

@@ -1,24 +1,23 @@
-//! The weather before a front end: what it adds to the light that comes back.
-
-use crate::board::{Analog, Trigger};
-use crate::light::Return;
+//! Light that the weather returns: continuous backscatter, single drops and flakes.
 
 use crate::backscatter::{BackscatterResponse, Medium};
+use crate::board::{Analog, Trigger};
 use crate::hydrometeors::Hydrometeors;
+use crate::light::Return;
 use crate::litl_units as litl;
 use crate::mode::Mode;
 use crate::noise::Purpose;
 use crate::receiver::Receiver;
 
-/// What comes back.
+/// Light that reaches the receiver.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Light<'a> {
     pub(crate) returns: &'a [Return],
-    /// Signal current, µA, or units of the compatibility mode, a sample.
+    /// Signal of each sample besides the returns: µA, or units of the compatibility mode.
     pub(crate) background: &'a [f32],
 }
 
-/// Weather, with its working memory.
+/// Weather in front of the receiver, with its working memory.
 #[derive(Clone, Debug)]
 pub(crate) struct Aerosol {
     medium: Medium,
@@ -29,7 +28,7 @@ pub(crate) struct Aerosol {
 }
 
 impl Aerosol {
-    /// The weather before a receiver; none in clear air.
+    /// Weather of a receiver; `None` in clear air.
     pub(crate) fn before(receiver: &Receiver) -> Option<Self> {
         let air = receiver.air();
         if air.backscatter_per_m_sr <= 0.0 {
@@ -45,7 +44,7 @@ impl Aerosol {
         Some(Self { medium, hydrometeors, backscatter, returns, background })
     }
 
-    /// What comes back through it, and from it.
+    /// Light from the surfaces, and from the air in front of them.
     pub(crate) fn fill(
         &mut self,
         receiver: &Receiver,
@@ -64,7 +63,7 @@ impl Aerosol {
         self.backscatter.add(analog, surfaces, unit as f32, &mut self.background);
         self.returns.clear();
         self.returns.extend_from_slice(surfaces);
-        // All shots of a beam are fired within microseconds: nothing falls far.
+        // All shots of a beam are fired within microseconds: they meet the same drops.
         let still = Purpose::Hydrometeors.for_shot(seed, Trigger { shot: 0, ..trigger });
         self.hydrometeors.add(still, &mut self.returns);
         Light { returns: &self.returns, background: &self.background }

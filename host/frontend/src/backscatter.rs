@@ -1,26 +1,25 @@
-//! The light that the air itself sends back.
+//! Continuous backscatter from the air.
 
 use std::f64::consts::PI;
 
 use crate::board::Analog;
 use crate::light::Return;
-
 use crate::receiver::SPEED_OF_LIGHT_M_NS;
 use crate::shares::Shares;
 
-/// Steps of the table in a pulse width: linear interpolation then errs by 1.5 × 10⁻⁴ of the pulse.
+/// Table steps per pulse width: linear interpolation then errs by 1.5 × 10⁻⁴ of the pulse.
 const STEPS: usize = 64;
-/// A pulse lasts two widths.
+/// Table steps per pulse, which lasts two widths.
 const PULSE: usize = 2 * STEPS;
 
-/// A length of air as seen by every beam.
+/// Homogeneous air, the same for every beam.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Medium {
-    /// α with all that weakens, 1/m.
+    /// α, extinction of clear air and weather together, 1/m.
     pub(crate) extinction_per_m: f64,
     /// β, 1/(m·sr).
     pub(crate) backscatter_per_m_sr: f64,
-    /// Where it begins, m.
+    /// Range at which it begins, m; nearer, particles are met one by one.
     pub(crate) from_m: f64,
 }
 
@@ -33,22 +32,22 @@ pub(crate) struct Medium {
 /// g    = (c/2) β ξ e^(−2αR) / R²
 /// ```
 ///
-/// A hard target's ρ cosθ/π stands where β dR does. The integrals are cumulative sums, so a beam
-/// that ends at a surface costs a pulse's length more than one that does not. One table serves all
-/// beams of a setting.
+/// For a hard target, ρ cosθ/π takes the place of β dR. The integrals are cumulative sums, so a
+/// surface in the beam costs one more pulse length of samples. One table serves all beams of a
+/// setting.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BackscatterResponse {
     key: Option<(Medium, [f64; 2])>,
     /// Time between entries, ns; entry j is for j steps after the pulse begins.
     step_ns: f64,
-    /// Cumulative ∫g, ∫g cos, ∫g sin.
+    /// G0, Gc and Gs from 0 to each entry's time.
     integrals: Vec<[f64; 3]>,
-    /// S without a surface.
+    /// S of a beam that meets no surface.
     open: Vec<f32>,
 }
 
 impl BackscatterResponse {
-    /// Makes the table reach to the end of a window; nothing is done when it does.
+    /// Extends the table to the end of the window, or rebuilds it for new settings.
     pub(crate) fn prepare(&mut self, medium: Medium, analog: &Analog, samples: usize) {
         let end_ns = analog.delay_ns + samples as f64 * analog.sample_period_ns;
         let key = Some((medium, [analog.pulse_width_ns, analog.overlap_m]));
@@ -64,7 +63,7 @@ impl BackscatterResponse {
         }
     }
 
-    /// Trapezoids up to `entries`.
+    /// Extends the table to `entries`, by the trapezoidal rule.
     fn extend(&mut self, medium: Medium, analog: &Analog, entries: usize) {
         let step = self.step_ns;
         let density = |j: usize| {
@@ -91,7 +90,7 @@ impl BackscatterResponse {
         }
     }
 
-    /// Adds `unit` times the response of a beam that ends at its returns.
+    /// Adds `unit` times the response of a beam that its returns block.
     pub(crate) fn add(&self, analog: &Analog, returns: &[Return], unit: f32, signal: &mut [f32]) {
         let shares = Shares::new(returns);
         let first_ns = analog.delay_ns;
@@ -109,7 +108,7 @@ impl BackscatterResponse {
         }
     }
 
-    /// Where nothing has ended the beam yet.
+    /// Adds the response of an unblocked beam to the samples of `span`.
     fn add_open(
         &self,
         analog: &Analog,
@@ -133,7 +132,7 @@ impl BackscatterResponse {
         }
     }
 
-    /// What is still under way from the air before a surface once the surface's own echo begins.
+    /// Adds the backscatter that still arrives after a surface's own echo has begun.
     fn add_last(&self, analog: &Analog, surface_ns: f64, unit: f32, signal: &mut [f32]) {
         let width = analog.pulse_width_ns;
         let upto = self.integral(surface_ns);
@@ -149,7 +148,7 @@ impl BackscatterResponse {
         }
     }
 
-    /// The cumulative integrals at a time.
+    /// Cumulative integrals up to a time, by linear interpolation.
     fn integral(&self, at_ns: f64) -> [f64; 3] {
         let at = (at_ns / self.step_ns).max(0.0);
         let (j, part) = (at as usize, at - at.floor());
@@ -161,7 +160,7 @@ impl BackscatterResponse {
 }
 
 impl Medium {
-    /// g(u), 1/(m²·ns), of light that is back u after it left.
+    /// g(u), 1/(m²·ns), at a round-trip time u.
     fn density(&self, round_trip_ns: f64, analog: &Analog) -> f64 {
         let range_m = 0.5 * SPEED_OF_LIGHT_M_NS * round_trip_ns;
         let overlap = analog.overlap(range_m);
@@ -174,12 +173,13 @@ impl Medium {
     }
 }
 
-/// sin and cos of ω times j steps.
+/// Sine and cosine of ω·j·step.
 fn sin_cos(j: usize) -> (f64, f64) {
     let phase = PI * (j % PULSE) as f64 / STEPS as f64;
     (libm::sin(phase), libm::cos(phase))
 }
 
+/// S from G0, Gc and Gs.
 fn combine([plain, cosine, sine]: [f64; 3], (sin, cos): (f64, f64)) -> f64 {
     (0.5 * (plain - cos * cosine - sin * sine)).max(0.0)
 }
@@ -196,7 +196,7 @@ mod tests {
         Medium { extinction_per_m: 0.06, backscatter_per_m_sr: 9.2e-4, from_m: 0.0 };
     const ANALOG: Analog = Analog { delay_ns: 3.3, ..Analog::USUAL };
 
-    /// The integral as it is written, by a million midpoints.
+    /// S(t) by its definition, with the midpoint rule.
     fn by_definition(t_ns: f64, end_m: f64) -> f64 {
         const SLICES: usize = 200_000;
         let reach_ns = t_ns.min(2.0 * end_m / SPEED_OF_LIGHT_M_NS);
@@ -237,14 +237,14 @@ mod tests {
     }
 
     #[test]
-    fn the_air_behind_a_surface_is_dark() {
+    fn the_air_behind_a_surface_returns_nothing() {
         let wall = Return { range_m: 9.0, strength_per_m2: 1e-3 };
         let (open, ended) = (response(&[]), response(&[wall]));
         let wall_ns = 2.0 * 9.0 / SPEED_OF_LIGHT_M_NS;
         for (n, (&open, &ended)) in open.iter().zip(&ended).enumerate() {
             let t = 3.3 + n as f64;
             if t <= wall_ns {
-                assert_eq!(open, ended, "sample {n}: nobody knows of the wall yet");
+                assert_eq!(open, ended, "sample {n}: the wall has no effect yet");
             } else if t > wall_ns + 10.0 {
                 assert_eq!(ended, 0.0, "sample {n}");
             } else {
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_beam_that_is_split_sees_its_shares_of_air() {
+    fn a_beam_split_in_halves_returns_the_mean_of_both() {
         let pair = [9.0_f32, 18.0]
             .map(|range_m| Return { range_m, strength_per_m2: 0.01 / (range_m * range_m) });
         let (both, near, far) = (response(&pair), response(&pair[..1]), response(&pair[1..]));

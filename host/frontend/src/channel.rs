@@ -1,5 +1,4 @@
-//! What differs from shot to shot and from channel to channel: when the pulse leaves, and who hears
-//! it.
+//! Imperfections of single shots and channels: timing jitter, dead and weak channels.
 
 use crate::board::{Analog, Trigger};
 use crate::noise::Purpose;
@@ -10,15 +9,15 @@ use crate::receiver::Receiver;
 pub enum Channel {
     /// Its converter reads 0.
     Dead,
-    /// It gets this fraction of the light; 1: sound.
+    /// It receives this fraction of the light; 1 when it is intact.
     Alive(f64),
 }
 
 impl Receiver {
-    /// The channel that hears a beam: that of the beam's row, where rows are known, else one of the
-    /// beam's own.
+    /// State of the channel that receives a beam: the channel of the beam's row if rows are known,
+    /// else one for each beam.
     ///
-    /// Each is dead or weak by a draw of its own, the same in every scan.
+    /// Whether a channel is dead or weak is drawn once per channel and the same in every scan.
     pub fn channel(&self, beam: u32) -> Channel {
         if self.dead_channels == 0.0 && self.weak_channels == 0.0 {
             return Channel::Alive(1.0);
@@ -36,8 +35,8 @@ impl Receiver {
         }
     }
 
-    /// The shot as this channel hears it: a weak one as less power, a late pulse as a window that
-    /// opens earlier; `None` when nothing is heard.
+    /// Settings as they affect this shot: a weak channel is less power, a late pulse an earlier
+    /// window. `None` for a dead channel.
     pub(crate) fn hear(&self, analog: &Analog, seed: u64, trigger: Trigger) -> Option<Analog> {
         let Channel::Alive(light) = self.channel(trigger.beam) else { return None };
         let mut heard = Analog { power_w: analog.power_w * light, ..*analog };
@@ -56,7 +55,7 @@ mod tests {
     const ANALOG: Analog = Analog::USUAL;
 
     #[test]
-    fn as_many_channels_are_dead_and_weak_as_asked_for() {
+    fn the_fractions_of_dead_and_weak_channels_are_those_of_the_configuration() {
         let receiver = Receiver {
             dead_channels: 0.1,
             weak_channels: 0.2,
@@ -76,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn where_rows_are_known_a_channel_is_a_row() {
+    fn beams_of_a_row_share_its_channel() {
         let receiver = Receiver { dead_channels: 0.3, rows: 16, ..Receiver::default() };
         assert!((0..16).any(|row| receiver.channel(row) == Channel::Dead));
         for beam in 0..16 * 20 {
@@ -85,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn a_beam_of_a_list_has_the_channel_that_the_list_says() {
+    fn a_listed_beam_has_its_channel_from_the_list() {
         let plain = Receiver { dead_channels: 0.3, rows: 16, ..Receiver::default() };
         let listed = Receiver { channels: [7, 7, 0, 15].into(), ..plain.clone() };
         for (beam, channel) in [(0, 7), (1, 7), (2, 0), (3, 15)] {
@@ -95,13 +94,13 @@ mod tests {
     }
 
     #[test]
-    fn a_sound_sensor_hears_the_very_shot() {
+    fn an_intact_sensor_leaves_the_settings_unchanged() {
         let trigger = Trigger { frame: 3, beam: 4, shot: 1 };
         assert_eq!(Receiver::default().hear(&ANALOG, 9, trigger), Some(ANALOG));
     }
 
     #[test]
-    fn every_shot_has_a_delay_of_its_own_with_the_spread_asked_for() {
+    fn every_shot_has_its_own_delay_with_the_configured_spread() {
         let receiver = Receiver { timing_jitter_ns: 0.25, ..Receiver::default() };
         let late = |beam, shot| {
             let trigger = Trigger { frame: 0, beam, shot };

@@ -1,4 +1,4 @@
-//! What a waveform is made from, and the memory that it is made in.
+//! Inputs of one waveform, and its working memory.
 
 use std::ops::Range;
 
@@ -8,35 +8,34 @@ use crate::board::Analog;
 use crate::light::Return;
 use crate::receiver::Receiver;
 
-/// One shot: who looks, with which settings, at what.
+/// One shot: receiver, settings, returned light and noise.
 #[derive(Clone, Copy, Debug)]
 pub struct Exposure<'a> {
     /// Optics, detector and converter.
     pub receiver: &'a Receiver,
-    /// What the registers ask for.
+    /// Analog settings.
     pub analog: &'a Analog,
-    /// What comes back from surfaces, by increasing range.
+    /// Returns from surfaces, by increasing range.
     pub returns: &'a [Return],
-    /// Signal that flows besides, a sample: µA, or units in the compatibility mode. Beyond its end,
-    /// none.
+    /// Additional signal of each sample: µA, or units in the compatibility mode; 0 past its end.
     pub background: &'a [f32],
-    /// The noise.
+    /// Key of the noise.
     pub key: Key,
 }
 
 /// Working memory of one shot.
 #[derive(Clone, Debug, Default)]
 pub struct ShotBuffers {
-    /// Signal current, µA. Between shots there is none.
+    /// Signal current, µA; all zero between shots.
     signal_ua: Vec<f32>,
-    /// Samples with a signal.
+    /// Spans of samples with a signal.
     lit: Vec<Range<usize>>,
-    /// Standard normals.
+    /// Standard normals of the last shot.
     normal: Vec<f32>,
 }
 
 impl ShotBuffers {
-    /// Memory for this many samples, of which the first have a background.
+    /// Memory for this many samples, with the background as their signal.
     #[inline(always)]
     pub(crate) fn begin(&mut self, samples: usize, background: &[f32]) -> Shot<'_> {
         if self.normal.len() < samples {
@@ -53,18 +52,18 @@ impl ShotBuffers {
     }
 }
 
-/// Memory of a shot under way.
+/// Memory of a shot in progress.
 pub(crate) struct Shot<'a> {
-    /// Signal: at first the background.
+    /// Signal: the background to begin with.
     pub(crate) signal_ua: &'a mut [f32],
-    /// Samples with a signal.
+    /// Spans of samples with a signal.
     pub(crate) lit: &'a mut Vec<Range<usize>>,
-    /// Normals of an earlier shot.
+    /// Standard normals, to be overwritten.
     pub(crate) normal: &'a mut [f32],
 }
 
 impl Shot<'_> {
-    /// Leaves no signal behind.
+    /// Clears the signal for the next shot.
     #[inline(always)]
     pub(crate) fn end(self) {
         self.lit.drain(..).for_each(|span| self.signal_ua[span].fill(0.0));

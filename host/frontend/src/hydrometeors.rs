@@ -1,40 +1,40 @@
-//! Drops and flakes near the sensor, one by one.
+//! Single drops and flakes near the sensor.
 
-use crate::light::Return;
-
-use crate::shares::Shares;
-use crate::weather::Air;
 use echoloop_random::Stream;
 
-/// A length of beam that holds more particles than this on average is a continuous medium …
+use crate::light::Return;
+use crate::shares::Shares;
+use crate::weather::Air;
+
+/// Mean number of particles in [`CELL_M`] of beam above which the air is a continuous medium.
 const CROWD: f64 = 4.0;
-/// … this length, m: that of the default pulse, c·5 ns/2. Not the setting's, or else every
-/// candidate would meet other drops.
+/// Length of that cell, m: the default pulse's, c·5 ns/2. With the length of the pulse that is set,
+/// every candidate of an optimiser would meet other drops.
 const CELL_M: f64 = 0.75;
-/// Particles are not met one by one beyond this, m.
+/// Range beyond which the air is a continuous medium in any case, m.
 const FARTHEST_M: f64 = 60.0;
 
-/// The part of a beam in which particles are met one by one.
+/// The near part of a beam, in which particles are met one by one.
 ///
 /// ```text
 /// number   Poisson of n·θ_az·θ_el·R³/3 within range R, up to where n·θ_az·θ_el·R²·0.75 m = 4
 /// strength σ_b / (θ_az·θ_el·R²) / R²,   σ_b = (β/n)·x²/2,  x exponential (diameters are)
 /// ```
 ///
-/// σ_b is a particle's back-scatter, m²/sr; its mean is β/n, so particles and medium together
-/// return β. One cannot return more than a beam that it fills. Particles behind a surface are dark;
-/// all shots of a beam in a scan meet the same.
+/// σ_b is the backscatter of a particle, m²/sr; its mean is β/n, so that particles return as much
+/// as the medium would. No particle returns more than one that fills the beam. Particles behind a
+/// surface return nothing; all shots of a beam in a scan meet the same particles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Hydrometeors {
     air: Air,
     /// θ_az·θ_el.
     solid_angle_sr: f64,
-    /// Where the continuous medium begins, m.
+    /// Range at which the continuous medium begins, m.
     pub(crate) reach_m: f64,
 }
 
 impl Hydrometeors {
-    /// Those of this air in a beam of this divergence.
+    /// Particles of this air in a beam of this divergence.
     pub(crate) fn new(air: Air, divergence_mrad: [f64; 2]) -> Self {
         let solid_angle_sr = divergence_mrad[0] * divergence_mrad[1] * 1e-6;
         let per_m3 = air.particles_per_m3 * solid_angle_sr;
@@ -43,7 +43,7 @@ impl Hydrometeors {
         Self { air, solid_angle_sr, reach_m }
     }
 
-    /// Appends the particles of one beam, the nearest first, as far as they are lit.
+    /// Appends the particles of one beam that no surface hides, nearest first.
     pub(crate) fn add(&self, stream: Stream, returns: &mut Vec<Return>) {
         let per_m3 = self.air.particles_per_m3 * self.solid_angle_sr / 3.0;
         if self.reach_m == 0.0 {
@@ -57,8 +57,7 @@ impl Hydrometeors {
             if range_m >= self.reach_m {
                 return;
             }
-            let open =
-                returns.get(..surfaces).map_or(1.0, |list| Shares::new(list).open_at(range_m));
+            let open = Shares::new(&returns[..surfaces]).open_at(range_m);
             if stream.uniform(index + 1) < open {
                 let strength_per_m2 =
                     self.strength_per_m2(range_m, stream.exponential(index + 2)) as f32;
@@ -70,8 +69,7 @@ impl Hydrometeors {
     fn strength_per_m2(&self, range_m: f64, diameter: f64) -> f64 {
         let mean_m2_sr = self.air.backscatter_per_m_sr / self.air.particles_per_m3;
         let footprint_m2 = self.solid_angle_sr * range_m * range_m;
-        // Extinction is twice the shadow; a shadow as large as the footprint leaves nothing to
-        // take.
+        // Extinction is twice the shadow, and the shadow is at most the footprint.
         let most_per_sr = 2.0 / self.air.lidar_ratio_sr();
         let per_sr = (mean_m2_sr * diameter * diameter / 2.0 / footprint_m2).min(most_per_sr);
         per_sr / (range_m * range_m)
@@ -98,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn as_many_are_met_as_the_density_says() {
+    fn the_number_of_particles_follows_from_their_density() {
         for rate_mm_h in [2.0, 10.0, 50.0] {
             let rain = rain(rate_mm_h);
             let expected =
@@ -114,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn together_they_return_what_the_medium_would() {
+    fn particles_together_return_as_much_as_the_medium() {
         // Between 8 and 12 m, where no drop fills the beam: Σ strength·R² over beams is ∫ β dR.
         let rain = rain(10.0);
         let sum = |beam| -> f64 {
@@ -132,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn behind_a_wall_it_does_not_rain() {
+    fn drops_behind_a_wall_return_nothing() {
         let wall = [Return { range_m: 7.0, strength_per_m2: 1e-3 }];
         let rain = rain(20.0);
         for beam in 0..200 {

@@ -1,4 +1,4 @@
-//! The waveform front end: from the light that comes back to the codes of a converter.
+//! Simulated waveform front end of a LiDAR: from returned light to ADC codes.
 //!
 //! ```
 //! use echoloop_frontend::*;
@@ -19,15 +19,15 @@
 //! assert!((303..=307).contains(&peak)); // 2R/c = 300 ns, and half the pulse
 //! ```
 //!
-//! | stage | where |
+//! | stage | items |
 //! |---|---|
-//! | what a scene sends back, by beam | [`SceneResponse`], [`Return`] |
+//! | returns of a scene, by beam | [`SceneResponse`], [`Return`] |
 //! | fog, rain, snow: extinction, drops, backscatter | [`Weather`] |
 //! | pulse, receiver equation, ambient light | [`Receiver`] |
 //! | shot and amplifier noise, gain, clip, overload, converter | [`synthesise`] |
 //! | dead and weak channels, jitter | [`Channel`], [`Receiver`] |
-//! | all of it behind a sensor's registers | [`WaveformFrontEnd`] |
-//! | photon counts in arbitrary units, for comparisons | [`litl`] |
+//! | all of them, behind a sensor's registers | [`WaveformFrontEnd`] |
+//! | photon counts in arbitrary units, to compare simulators | [`litl`] |
 //!
 //! Every sample is a pure function of seed, scan, beam and shot: the same on any number of threads.
 //! The equations and their sources are in docs/physics.md, the switches in docs/front-end.md.

@@ -1,12 +1,12 @@
-//! What a scene sends back to a scanner's beams, before any electronics.
+//! Light that a scene returns to a scanner's beams, before any electronics.
 
-/// A part of a beam's footprint that comes back as one.
+/// Light returned by one part of a beam's footprint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Return {
     /// Distance, metres.
     pub range_m: f32,
-    /// `Σ_k w_k ρ_k cosθ_k / (π R_k²)`, 1/m²: received power over `P0 η A_r` in clear air, were the
-    /// receiver to see the whole beam.
+    /// `Σ_k w_k ρ_k cosθ_k / (π R_k²)`, 1/m²: received power over `P0 η A_r`, in clear air and at
+    /// full overlap.
     pub strength_per_m2: f32,
 }
 
@@ -20,7 +20,7 @@ pub struct SceneResponse {
 }
 
 impl SceneResponse {
-    /// Nothing comes back to any beam.
+    /// Beams without returns.
     #[must_use]
     pub fn empty(beams: u32) -> Self {
         Self { beams: vec![0; beams as usize + 1], returns: Vec::new() }
@@ -32,7 +32,7 @@ impl SceneResponse {
         self.beams.len().saturating_sub(1)
     }
 
-    /// True without beams.
+    /// True when there are no beams.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0

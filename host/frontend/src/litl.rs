@@ -1,10 +1,9 @@
-//! A front end in arbitrary units with photon noise, for comparisons with the simulator that the
-//! paper used.
+//! Compatibility mode: a front end in arbitrary units with photon noise, to compare with the
+//! simulator of the paper.
 //!
-//! Written from the paper and from equations alone. It keeps that simulator's pulse, its arbitrary
-//! power, its Poisson counts and its saturation; it does not keep what that simulator gets wrong:
-//! here ambient light does not grow with range, counts are quantised at the converter, and every
-//! count has a seed.
+//! Written from the paper and from equations alone. It keeps that simulator's pulse, arbitrary
+//! power, Poisson counts and saturation. It departs from it on purpose: ambient light does not grow
+//! with range, counts are quantised at the converter, and every count has a seed.
 
 use echoloop_random::{Stream, normals};
 
@@ -14,11 +13,11 @@ use crate::pulse::Pulse;
 
 pub use crate::litl_units::*;
 
-/// Means from here on are drawn from a corrected normal distribution; below, counts are exact.
+/// Mean from which counts are drawn from a corrected normal distribution; below, they are exact.
 const MANY: f64 = 64.0;
 
-/// Fills `codes` with the waveform of one shot in the compatibility mode; the background is
-/// light in units.
+/// Fills `codes` with the waveform of one shot in the compatibility mode; the background is in
+/// units.
 ///
 /// ```text
 /// λ[n] = ambient + Σ P · K · (Σ_k w_k ρ_k cosθ_k ξ / R_k²) · e^(−2αR) · sin²(π(t − 2R/c) / 2W)
@@ -52,16 +51,16 @@ pub(crate) fn synthesise(
     shot.end();
 }
 
-/// A Poisson count of this mean: by its distribution function from a uniform number, or for large
-/// means from a normal one, `λ + √λ z + (z² − 1)/6` (Cornish and Fisher), which has its mean, its
-/// variance to 0.06 and its skewness.
+/// Poisson count of this mean: by inverting the distribution function at a uniform number, or for
+/// large means from a normal number, `λ + √λ z + (z² − 1)/6` (Cornish and Fisher), which has the
+/// right mean and skewness, and the right variance to 0.06.
 fn poisson(mean: f64, normal: f64, uniform: f64) -> f64 {
     if mean >= MANY {
         return (mean + mean.sqrt() * normal + (normal * normal - 1.0) / 6.0).round().max(0.0);
     }
     let (mut count, mut mass) = (0.0, libm::exp(-mean));
     let mut below = mass;
-    // Ten σ and more beyond the mean: the sum is 1 to the last bit.
+    // At 2.5 MANY, more than ten σ beyond the mean, the sum is 1 to the last bit.
     while uniform > below && count < 2.5 * MANY {
         count += 1.0;
         mass *= mean / count;
@@ -150,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_count_is_poisson_to_each_of_its_values() {
+    fn every_value_of_a_small_count_has_its_poisson_probability() {
         for mean in [0.3, 1.0, 7.5, 63.9] {
             let stream = Purpose::Photons.for_number(1, 0);
             let mut seen = vec![0_u32; 200];
@@ -170,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn a_waveform_saturates_at_the_preset_whatever_its_height() {
+    fn strong_echoes_saturate_at_the_preset() {
         for rho in [0.5, 5.0, 50.0] {
             let statistics = statistics(&ANALOG, &[wall(5.0, rho)]);
             let highest = statistics.iter().map(|s| s.0).fold(0.0, f64::max);

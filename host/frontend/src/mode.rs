@@ -1,9 +1,9 @@
-//! What waveforms are made of.
+//! The model that makes waveforms.
 
 use echoloop_keys::Value;
 use serde::{Deserialize, Serialize};
 
-/// What the waveforms are made of.
+/// Model that makes the waveforms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {

@@ -1,4 +1,4 @@
-//! The emitted pulse as the receiver sees it.
+//! Shape of the emitted pulse.
 
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -11,9 +11,9 @@ use crate::receiver::SPEED_OF_LIGHT_M_NS;
 pub(crate) struct Pulse {
     delay_ns: f64,
     sample_period_ns: f64,
-    /// Samples from its beginning to its end.
+    /// Duration, samples.
     length: f64,
-    /// Phase that the cosine gains in a sample, and its sine and cosine.
+    /// Phase step of the cosine per sample, and its sine and cosine.
     step: f64,
     step_sine: f64,
     step_cosine: f64,
@@ -28,8 +28,8 @@ impl Pulse {
         Self { delay_ns, sample_period_ns, length, step, step_sine, step_cosine }
     }
 
-    /// Adds `current · sin²(π(t − 2R/c) / 2W)`, the cosine by Chebyshev's recurrence; the samples
-    /// that it reaches.
+    /// Adds `current · sin²(π(t − 2R/c) / 2W)`, with the cosine by Chebyshev's recurrence, and
+    /// returns the span of samples that it reaches.
     pub(crate) fn add(&self, range_m: f64, current: f64, signal: &mut [f32]) -> Range<usize> {
         let begin = (2.0 * range_m / SPEED_OF_LIGHT_M_NS - self.delay_ns) / self.sample_period_ns;
         let first = (begin.ceil().max(0.0)) as usize;

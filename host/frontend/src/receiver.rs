@@ -15,8 +15,8 @@ const PLANCK_J_S: f64 = 6.626_070_15e-34;
 pub(crate) const SPEED_OF_LIGHT_M_NS: f64 = 0.299_792_458;
 
 section! {
-    /// The receiver's constants. Defaults are the reference receiver; parts from data sheets, the
-    /// set our own.
+    /// Constants of the receiver. The defaults are the reference receiver: its parts have data
+    /// sheets, their combination is ours.
     ///
     /// ```text
     /// i(t) = M·R0·(P_s + P_b) + i_dark                 R0 = QE·q·λ/(h·c)
@@ -89,14 +89,14 @@ section! {
             "Time constant with which that tail decays, ns.";
     }
     beside {
-        /// The weather before it: the configuration's `[weather]`.
+        /// Weather in front of it: the configuration's `[weather]`.
         #[serde(skip)]
         pub weather: Weather,
-        /// Channels of its scan pattern, from `[scanner]`, which beams have in turn: rows of a
-        /// grid, lasers of a head; 0: not known, every beam has a channel of its own.
+        /// Number of channels that beams use in turn: rows of a grid, lasers of a head. From
+        /// `[scanner]`; 0: unknown, every beam has its own channel.
         #[serde(skip)]
         pub rows: u16,
-        /// Channel of each beam, where they do not come in turn; empty: they do.
+        /// Channel of each beam, if beams do not use them in turn; else empty.
         #[serde(skip)]
         pub channels: Arc<[u16]>,
     }
@@ -154,8 +154,7 @@ impl Receiver {
         }
     }
 
-    /// The peak of an echo of 1 W from 1/(π m²), in clear air at 0 dB, over the converter's full
-    /// scale.
+    /// Peak of an echo of 1 W and strength 1/(π m²), in clear air at 0 dB, over full scale.
     pub fn unit_echo(&self) -> f64 {
         match self.mode {
             Mode::Physical => self.peak_current_ua(1.0, 0.0, 1.0 / PI) / self.full_scale_ua,
@@ -163,7 +162,7 @@ impl Receiver {
         }
     }
 
-    /// The variance of a signal over the signal, both over full scale, at 0 dB.
+    /// Ratio of a signal's variance to the signal, both relative to full scale, at 0 dB.
     pub fn shot_noise(&self) -> f64 {
         match self.mode {
             Mode::Physical => self.shot_variance_ua() / self.full_scale_ua,
@@ -171,17 +170,17 @@ impl Receiver {
         }
     }
 
-    /// The air before it.
+    /// Optical constants of the weather at the receiver's wavelength.
     pub fn air(&self) -> Air {
         self.weather.air(self.wavelength_nm)
     }
 
-    /// α: clear air and weather, 1/m.
+    /// α of clear air and weather together, 1/m.
     pub fn extinction_per_m(&self) -> f64 {
         self.extinction_per_m + self.air().extinction_per_m
     }
 
-    /// e^(−2αR).
+    /// Transmission of the air to a range and back, e^(−2αR).
     pub fn through_air(&self, range_m: f64) -> f64 {
         (-2.0 * self.extinction_per_m() * range_m).exp()
     }
@@ -192,17 +191,17 @@ impl Receiver {
             / (PLANCK_J_S * (1e9 * SPEED_OF_LIGHT_M_NS))
     }
 
-    /// A_r, m².
+    /// A_r, area of the aperture, m².
     pub fn aperture_m2(&self) -> f64 {
         FRAC_PI_4 * (self.aperture_mm * 1e-3).powi(2)
     }
 
-    /// Codes that a current of 1 µA makes at 0 dB.
+    /// Codes per µA at 0 dB.
     pub fn codes_per_ua(&self) -> f64 {
         f64::from(1u32 << self.adc_bits) / self.full_scale_ua
     }
 
-    /// P_b, W.
+    /// P_b, ambient power, W.
     pub fn ambient_w(&self) -> f64 {
         let solid_angle_sr = self.divergence_mrad[0] * self.divergence_mrad[1] * 1e-6;
         let radiance = self.irradiance_w_m2_nm * self.filter_nm * self.background_reflectance / PI;
@@ -233,7 +232,7 @@ impl Receiver {
             + (self.amplifier_noise_na * 1e-3).powi(2)
     }
 
-    /// Shot-noise variance a microampere of multiplied signal current adds, µA²: 2·q·M·F·B.
+    /// Shot-noise variance per µA of multiplied signal current, µA: 2·q·M·F·B.
     pub fn shot_variance_ua(&self) -> f64 {
         let (m, k) = (self.multiplication, self.ionisation_ratio);
         let excess = k * m + (1.0 - k) * (2.0 - 1.0 / m);
@@ -250,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn the_link_budget_meets_its_check_values() {
+    fn the_link_budget_agrees_with_its_table() {
         let receiver = Receiver::default();
         assert!(near(receiver.ambient_w(), 3.2e-9), "{}", receiver.ambient_w());
         for (range_m, current_ua) in [(10.0, 448.0), (50.0, 17.9), (100.0, 4.48), (200.0, 1.12)] {
@@ -263,8 +262,8 @@ mod tests {
         assert!(near(1.08 / sigma_ua, 12.6), "{sigma_ua}");
     }
 
-    /// Worked out apart from this file, from the equations and defaults of docs/physics.md with the
-    /// constants of CODATA.
+    /// Expected values computed independently, from the equations and defaults of docs/physics.md
+    /// and CODATA's constants.
     #[test]
     fn the_current_without_a_signal_is_that_of_the_sun_on_the_whole_footprint() {
         let receiver = Receiver::default();
@@ -273,7 +272,7 @@ mod tests {
         assert!(same(receiver.ambient_w(), 3.199_218_75e-9));
         assert!(same(receiver.quiescent_current_ua(), 0.175_140_845));
         assert!(same(receiver.quiescent_variance_ua2(), 7.278_189_109e-3));
-        // 3 nA that are not multiplied, 2 nA that are; the sun is left out.
+        // 3 nA that are not multiplied, 2 nA that are, no sun.
         let dark = Receiver {
             surface_dark_current_na: 3.0,
             bulk_dark_current_na: 2.0,

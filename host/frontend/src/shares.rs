@@ -1,12 +1,12 @@
-//! How much of a beam ends at which surface.
+//! Shares of a beam that its surfaces block.
 
 use crate::light::Return;
 
-/// Shares of a beam's light by where it ends.
+/// Share of the beam that each return blocks.
 ///
-/// A scene's response says how strong a return is, not how much of the beam it took. The share is
-/// estimated as `strength · R²`, normalised: exact where a beam's surfaces are alike. A beam
-/// without returns goes on for ever; one with returns ends at the last.
+/// A [`Return`] has a strength but not the share of the beam that made it. The share is estimated
+/// as `strength · R²`, normalised: exact when all surfaces of the beam are alike. A beam without
+/// returns is never blocked; one with returns ends at the last.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shares<'a> {
     returns: &'a [Return],
@@ -23,7 +23,7 @@ impl<'a> Shares<'a> {
         self.returns.iter().map(move |r| (f64::from(r.range_m), weight(r) / self.total))
     }
 
-    /// Range of every return, and the share of the beam that gets as far.
+    /// Range of every return, and the share of the beam that reaches it.
     pub(crate) fn steps(self) -> impl Iterator<Item = (f64, f64)> + 'a {
         let mut open = 1.0;
         self.taken().map(move |(range_m, share)| {
@@ -33,18 +33,18 @@ impl<'a> Shares<'a> {
         })
     }
 
-    /// Share that gets beyond all returns.
+    /// Share that passes all returns.
     pub(crate) fn beyond(self) -> f64 {
         if self.returns.is_empty() { 1.0 } else { 0.0 }
     }
 
-    /// Share that gets as far as this.
+    /// Share that reaches a range.
     pub(crate) fn open_at(self, range_m: f64) -> f64 {
         self.steps().find(|(end_m, _)| range_m < *end_m).map_or(self.beyond(), |(_, open)| open)
     }
 }
 
-/// In proportion to a return's share.
+/// Share of a return, not normalised.
 fn weight(echo: &Return) -> f64 {
     let range_m = f64::from(echo.range_m);
     f64::from(echo.strength_per_m2) * range_m * range_m
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_of_like_surfaces_are_those_of_the_beam() {
+    fn shares_are_exact_for_surfaces_that_are_alike() {
         let at = |range_m: f32, share: f32| Return {
             range_m,
             strength_per_m2: share * 0.1 / (range_m * range_m),

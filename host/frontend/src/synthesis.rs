@@ -1,4 +1,4 @@
-//! From returns to ADC codes.
+//! Synthesis of a waveform: from returns to ADC codes.
 
 use echoloop_dispatch::dispatch;
 use echoloop_random::{Key, normals, normals_baseline};
@@ -17,7 +17,7 @@ use crate::receiver::Receiver;
 /// x[n] = clip( round( 2^b · G·i / i_fs ), 0, 2^b − 1 ),   after clip( G·i, 0, limit )
 /// ```
 ///
-/// Compiled twice, as the DSP is: for the baseline and for x86-64-v3. Same bytes.
+/// Compiled for the baseline and for x86-64-v3; both give the same bytes.
 pub fn synthesise(exposure: &Exposure<'_>, buffers: &mut ShotBuffers, codes: &mut [u16]) {
     let Exposure { receiver, analog, returns, background, key } = *exposure;
     let prepared = Prepared::new(receiver, analog, codes.len());
@@ -31,7 +31,7 @@ pub fn synthesise_baseline(exposure: &Exposure<'_>, buffers: &mut ShotBuffers, c
     render_baseline(&prepared, Light { returns, background }, key, buffers, codes);
 }
 
-/// All that shots with the same settings have in common.
+/// Constants shared by all shots with the same settings.
 #[derive(Clone, Debug)]
 pub(crate) struct Prepared {
     analog: Analog,
@@ -55,7 +55,7 @@ impl Prepared {
         }
     }
 
-    /// Whether it is for these settings and so many samples.
+    /// True when it was prepared for these settings and this many samples.
     pub(crate) fn is_for(&self, analog: &Analog, samples: usize) -> bool {
         (&self.analog, self.samples) == (analog, samples)
     }
@@ -68,7 +68,7 @@ impl Prepared {
 }
 
 dispatch! {
-    /// The waveform of one shot; its samples must be those that were prepared for.
+    /// Fills `codes`, as many as were prepared for, with the waveform of one shot.
     pub(crate) fn render(
         prepared: &Prepared,
         light: Light<'_>,
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn an_echo_peaks_where_its_range_says_and_as_high_as_the_link_budget_says() {
+    fn an_echo_peaks_at_its_range_with_the_height_of_the_link_budget() {
         let range_m = 299_792_458e-9 / 2.0 * 306.0; // pulse middle at 306 + 5 ns, sample 300
         let echo =
             Return { range_m: range_m as f32, strength_per_m2: (0.1 / PI / 50.0 / 50.0) as f32 };
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn power_width_and_gain_act_as_the_physics_says() {
+    fn the_area_of_an_echo_scales_with_power_width_gain_and_sample_rate() {
         let echo = [Return { range_m: 60.0, strength_per_m2: 1e-5 }];
         let area = |analog: &Analog| {
             let mean = average(analog, &echo);

@@ -1,4 +1,4 @@
-//! A front end before a scene.
+//! The simulated front end: a receiver that looks at a scene.
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ use crate::receiver::Receiver;
 use crate::synthesis::{Prepared, render};
 use crate::weather::Weather;
 
-/// A front end that looks at one scene response.
+/// Simulated front end that looks at one scene response.
 #[derive(Clone, Debug)]
 pub struct WaveformFrontEnd {
     receiver: Receiver,
@@ -27,10 +27,10 @@ pub struct WaveformFrontEnd {
 }
 
 impl WaveformFrontEnd {
-    /// A front end; `seed` decides all of its noise, together with scan and beam.
+    /// A front end; its noise is a function of `seed`, scan, beam and shot.
     pub fn new(receiver: Receiver, scene: Arc<SceneResponse>, seed: u64) -> Self {
         let aerosol = Aerosol::before(&receiver).map(Box::new);
-        // The air's α is a matter of every return: worked out once.
+        // Every return needs the air's α: computed once.
         let extinction_per_m = receiver.extinction_per_m();
         let receiver = Receiver { extinction_per_m, weather: Weather::default(), ..receiver };
         let (before, window) = (Rendering::default(), Rendering::default());
@@ -43,16 +43,16 @@ impl WaveformFrontEnd {
     }
 }
 
-/// What waveforms of one part of a shot are made in.
+/// Working memory for one part of a shot, before the trigger or in the window.
 #[derive(Clone, Debug, Default)]
 struct Rendering {
     buffers: ShotBuffers,
-    /// For the settings of the last shot.
+    /// Constants of the last shot's settings.
     prepared: Option<Prepared>,
 }
 
 impl Rendering {
-    /// Renders one waveform; `light` is what comes back.
+    /// Renders one waveform.
     fn render(
         &mut self,
         receiver: &Receiver,
@@ -86,7 +86,7 @@ impl FrontEnd for WaveformFrontEnd {
         let key = noise_key(*seed, trigger);
         let (early, codes) = codes.split_at_mut(analog.pre_trigger.min(codes.len()));
         if !early.is_empty() {
-            // The gain falls when the pulse leaves.
+            // The gain is full until the pulse leaves; then it falls and rises again.
             let quiet = Analog { gain_slope_db_ns: 0.0, ..analog };
             let photons = || Purpose::PhotonsBefore.for_shot(*seed, trigger);
             let noise = (before_the_trigger(key), photons);

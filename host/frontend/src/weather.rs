@@ -1,16 +1,16 @@
-//! What is in the air: the `[weather]` section, and the optical constants that follow from it.
+//! Weather: the `[weather]` section, and the optical constants that follow from it.
 
 use echoloop_keys::{Case, Must, Range, Refused, Value, section};
 use serde::{Deserialize, Serialize};
 
-/// What falls or floats.
+/// Kind of weather.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Precipitation {
     /// Clear air.
     #[default]
     None,
-    /// Droplets too small to be met one by one.
+    /// Droplets, always a continuous medium.
     Fog,
     /// Drops.
     Rain,
@@ -50,7 +50,7 @@ impl Default for Weather {
     }
 }
 
-/// Optical constants of the air.
+/// Optical constants of the weather.
 ///
 /// | | α, 1/m | number density n, 1/m³ | α/β, sr |
 /// |---|---|---|---|
@@ -62,31 +62,31 @@ impl Default for Weather {
 /// λ in nm, R in mm/h. Sources: fog, Rasshofer, Spies and Spies 2011 (β) and Koschmieder (5 %
 /// contrast); extinction of rain and snow, Rec. ITU-R P.1814 (rain after Carbonneau and Wisely
 /// 1998); numbers from exponential sizes, N0/Λ of Marshall and Palmer 1948 (8000, 4.1·R^−0.21 /mm)
-/// and Sekhon and Srivastava 1970 (2500·R^−0.94, 2.29·R^−0.45 /mm); α/β of water droplets, O'Connor
-/// et al. 2004, for drops as well; of ice our choice, in the middle of what is reported for cirrus
-/// (20–30).
+/// and Sekhon and Srivastava 1970 (2500·R^−0.94, 2.29·R^−0.45 /mm); α/β of water, O'Connor et al.
+/// 2004, measured for droplets and used for rain as well; α/β of ice, our choice, in the middle of
+/// the 20–30 reported for cirrus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Air {
     /// α, extinction, 1/m.
     pub extinction_per_m: f64,
-    /// β, back-scatter, 1/(m·sr).
+    /// β, backscatter, 1/(m·sr).
     pub backscatter_per_m_sr: f64,
-    /// n, drops or flakes that can be met one by one, 1/m³; 0: too small and too many.
+    /// n, density of drops or flakes that are met one by one near the sensor, 1/m³; 0 in fog.
     pub particles_per_m3: f64,
 }
 
 impl Air {
-    /// Nothing in the air.
+    /// Clear air.
     pub const CLEAR: Self =
         Self { extinction_per_m: 0.0, backscatter_per_m_sr: 0.0, particles_per_m3: 0.0 };
 
-    /// α/β, sr.
+    /// Lidar ratio α/β, sr.
     pub fn lidar_ratio_sr(&self) -> f64 {
         self.extinction_per_m / self.backscatter_per_m_sr
     }
 }
 
-/// 1/m in a dB/km.
+/// Extinction of 1 dB/km, 1/m.
 const PER_M_OF_DB_PER_KM: f64 = std::f64::consts::LN_10 / 1e4;
 /// α/β of water drops, sr.
 const WATER_SR: f64 = 18.8;
@@ -94,7 +94,7 @@ const WATER_SR: f64 = 18.8;
 const ICE_SR: f64 = 25.0;
 
 impl Weather {
-    /// The constants of this air for light of this wavelength.
+    /// Optical constants at a wavelength.
     pub fn air(&self, wavelength_nm: f64) -> Air {
         let rate = self.rate_mm_h;
         let power = |scale: f64, exponent: f64| scale * libm::pow(rate, exponent);
@@ -118,7 +118,7 @@ impl Weather {
         }
     }
 
-    /// Checks what matters in this weather.
+    /// Checks the keys that this kind of weather uses.
     ///
     /// # Errors
     ///
@@ -178,9 +178,8 @@ mod tests {
     }
 
     #[test]
-    fn drops_are_as_large_as_drops() {
-        // Mean extinction cross-section is twice the shadow: the diameter of a drop of mean shadow,
-        // mm.
+    fn mean_drops_have_the_size_of_raindrops() {
+        // The mean extinction cross-section is twice the mean shadow.
         for rate in [1.0, 10.0, 50.0] {
             let rain = air(Precipitation::Rain, rate);
             let shadow_m2 = rain.extinction_per_m / rain.particles_per_m3 / 2.0;
@@ -190,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_out_of_bounds_is_named_when_it_matters() {
+    fn a_value_out_of_bounds_is_refused_only_in_weather_that_uses_it() {
         let said = |weather: Weather| weather.check().map_err(|fault| fault.to_string());
         let fog = Weather { kind: Precipitation::Fog, visibility_m: 1.0, rate_mm_h: -1.0 };
         assert_eq!(said(fog), Err("weather.visibility_m = 1 must be 6 to 998 in fog".into()));

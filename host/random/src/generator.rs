@@ -1,4 +1,4 @@
-//! One number after the other.
+//! A sequential random generator.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -12,14 +12,14 @@ pub struct Generator {
 }
 
 impl Generator {
-    /// `stream` keeps the numbers of one purpose apart from those of another.
+    /// A generator of a seed; numbers of different streams are independent.
     pub fn new(seed: u64, stream: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(stream);
         Self { rng }
     }
 
-    /// A generator whose whole key is given: for numbers that hang on more than a seed.
+    /// A generator of a whole key, for numbers that depend on more than a seed.
     pub fn from_key(key: [u64; 4]) -> Self {
         let mut bytes = [0; 32];
         for (slot, word) in bytes.chunks_exact_mut(8).zip(key) {
@@ -53,7 +53,7 @@ impl Generator {
         ((self.unit() * n as f64) as usize).min(n.saturating_sub(1))
     }
 
-    /// One of a list.
+    /// A random element of a list.
     ///
     /// # Panics
     ///
@@ -62,12 +62,12 @@ impl Generator {
         list[self.index(list.len())]
     }
 
-    /// An angle, radians.
+    /// Angle, uniform in [0, 2π), radians.
     pub fn turn(&mut self) -> f64 {
         self.range(0.0, std::f64::consts::TAU)
     }
 
-    /// A direction, uniform on the sphere.
+    /// Unit vector, uniform on the sphere.
     pub fn direction(&mut self) -> [f64; 3] {
         let (z, turn) = (self.spread(1.0), self.turn());
         let r = (1.0 - z * z).sqrt();
@@ -91,12 +91,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn generators_of_one_seed_and_other_streams_differ() {
+    fn different_streams_of_one_seed_differ() {
         assert_eq!(Generator::new(1, 0).unit(), Generator::new(1, 0).unit());
         assert_ne!(Generator::new(1, 0).unit(), Generator::new(1, 1).unit());
     }
 
-    /// A run that was published must come out again: these are the first numbers ever drawn.
+    /// First numbers of the first version: published runs must be reproducible.
     #[test]
     fn the_numbers_never_change() {
         let mut generator = Generator::new(1, 0);

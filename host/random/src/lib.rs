@@ -10,15 +10,15 @@
 //! assert_ne!(derive(1, 1, 0), derive(1, 2, 0));       // a seed for each purpose
 //! ```
 //!
-//! | what | numbers | for |
+//! | item | numbers | used for |
 //! |---|---|---|
 //! | [`Generator`] | ChaCha8, one after the other | scenes, the optimiser's samples |
 //! | [`Stream`] | SplitMix64 by index, `f64` | jitter, drops, photons |
 //! | [`normals()`] | a 32-bit mix by index, four tables, `f32` | the noise of samples |
 //!
-//! Uniform and normal numbers are made here from raw bits, not by a distribution crate, whose
-//! sampling may change between versions. Logarithms and cosines are `libm`'s, as the platform's own
-//! differ in the last bit.
+//! Uniform and normal numbers are made here from raw bits: a distribution crate may change its
+//! sampling between versions. Logarithms and cosines are `libm`'s: those of the platforms differ in
+//! the last bit.
 
 mod generator;
 mod normals;

@@ -1,6 +1,6 @@
 //! Standard normals by index.
 //!
-//! A library's generator would be called once a number; this one fills vectors.
+//! A library's generator is called once a number; this one fills slices with vector instructions.
 
 mod atoms;
 #[cfg(target_arch = "x86_64")]
@@ -24,7 +24,7 @@ dispatch! {
     /// z[n] = (T₀[b₀] + T₁[b₁] + T₂[b₂] + T₃[b₃]) / σ       b: the bytes of word n of the key
     /// ```
     ///
-    /// The four tables are of `atoms.rs`, where it says how near their sum is to a normal.
+    /// The four tables are in `atoms.rs`, with the accuracy of their sum.
     pub fn normals(key: Key, z: &mut [f32])
         = normals_baseline, v3: avx2::normals, avx512: avx512::normals;
 }
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tails_are_as_heavy_as_they_should_be() {
+    fn the_tails_are_as_heavy_as_those_of_a_normal() {
         let z = many();
         for (bound, expected) in [(2.0f32, 45_500.0f64), (3.0, 2_700.0), (4.0, 63.3)] {
             let beyond = z.iter().filter(|v| v.abs() > bound).count() as f64;
@@ -92,7 +92,7 @@ mod tests {
     }
 
     dispatch! {
-        /// [`normals`] of a processor without AVX-512.
+        /// [`normals`] on a processor without AVX-512.
         fn by_avx2(key: Key, z: &mut [f32]) = normals_baseline, v3: avx2::normals;
     }
 
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn a_counter_has_a_word_of_its_own_and_half_a_key_makes_another_row() {
+    fn counters_have_different_words_and_each_half_of_the_key_changes_them() {
         let words = |key: Key| (0..100_000).map(move |counter| key.word(counter));
         let first = key(1);
         let mut sorted: Vec<u32> = words(first).collect();

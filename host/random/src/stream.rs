@@ -1,9 +1,9 @@
-//! Any number by its index.
+//! Random numbers by index.
 
 use crate::split_mix::{derive, split_mix_64};
 use crate::uniform::{box_muller, open};
 
-/// A stream of random numbers that is read by index.
+/// Stream of random numbers, read by index.
 ///
 /// A number is a pure function of (seed, purpose, number, index): the same on any number of
 /// threads, in any order.
@@ -11,18 +11,18 @@ use crate::uniform::{box_muller, open};
 pub struct Stream(u64);
 
 impl Stream {
-    /// The stream of anything that has a number. `purpose` keeps the uses of a seed apart.
+    /// Stream of a numbered item; `purpose` keeps different uses of a seed apart.
     pub const fn new(seed: u64, purpose: u64, number: u64) -> Self {
         Self(derive(seed, purpose, number))
     }
 
-    /// The stream of a part of it.
+    /// Stream of a numbered part of the item.
     #[must_use]
     pub const fn part(self, number: u64) -> Self {
         Self(split_mix_64(self.0 ^ number))
     }
 
-    /// Uniform in (0, 1), 53 bits, never an end.
+    /// Uniform in (0, 1), 53 bits, neither end included.
     pub fn uniform(self, index: u64) -> f64 {
         open(split_mix_64(self.0.wrapping_add(index.wrapping_mul(0x9e37_79b9_7f4a_7c15))))
     }
@@ -32,7 +32,7 @@ impl Stream {
         -libm::log(self.uniform(index))
     }
 
-    /// Standard normal; `index` and the next are used up.
+    /// Standard normal; uses the numbers `index` and `index + 1`.
     pub fn normal(self, index: u64) -> f64 {
         box_muller(self.exponential(index), self.uniform(index + 1))[0]
     }

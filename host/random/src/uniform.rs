@@ -1,6 +1,6 @@
-//! Uniform numbers from bits, and normal ones from uniform ones.
+//! Uniform numbers from bits, and normal numbers from uniform ones.
 
-/// 2⁵³: numbers that an `f64` between 0 and 1 tells apart.
+/// 2⁵³, the number of steps that an `f64` resolves between 0 and 1.
 const STEPS: f64 = 9_007_199_254_740_992.0;
 
 /// Uniform in [0, 1), 53 bits.
@@ -8,7 +8,7 @@ pub(crate) fn half_open(bits: u64) -> f64 {
     (bits >> 11) as f64 / STEPS
 }
 
-/// Uniform in (0, 1), 53 bits, never an end.
+/// Uniform in (0, 1), 53 bits, neither end included.
 pub(crate) fn open(bits: u64) -> f64 {
     ((bits >> 11) as f64 + 0.5) / STEPS
 }

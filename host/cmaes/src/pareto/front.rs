@@ -1,27 +1,28 @@
-//! Which points are better than others where there are two objectives.
+//! Dominance, ranks and crowding of points with two objectives.
 
 /// Two values, smaller is better.
 pub type Objectives = [f64; 2];
 
-/// Whether `a` is as good as `b` in both, and better in one. A point with a value that is not
-/// finite counts as infinite in both.
+/// True when `a` is as good as `b` in both objectives and better in one. A point with a value that
+/// is not finite counts as infinite in both.
 pub fn dominates(a: Objectives, b: Objectives) -> bool {
-    let ([a0, a1], [b0, b1]) = (worth(a), worth(b));
+    let ([a0, a1], [b0, b1]) = (finite_or_infinite(a), finite_or_infinite(b));
     a0 <= b0 && a1 <= b1 && (a0 < b0 || a1 < b1)
 }
 
-fn worth(values: Objectives) -> Objectives {
+/// The values, both infinite unless both are finite.
+fn finite_or_infinite(values: Objectives) -> Objectives {
     if values.iter().all(|value| value.is_finite()) { values } else { [f64::INFINITY; 2] }
 }
 
-/// The front that each point stands in: 0 for those that nothing dominates, 1 for those that only
-/// they dominate, and so on.
+/// Rank of each point: 0 when no point dominates it, 1 when only points of rank 0 do, and so on.
+/// Points of one rank are a front.
 ///
-/// Sorted by the first objective, a point is behind a front if and only if that front's last is as
-/// good in the second (Jensen 2003): n log n steps for two objectives.
+/// Points taken by the first objective are behind a front if and only if the last point of that
+/// front is as good in the second (Jensen 2003): n log n steps for two objectives.
 pub fn ranks(values: &[Objectives]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..values.len()).collect();
-    let key = |i: usize| worth(values[i]);
+    let key = |i: usize| finite_or_infinite(values[i]);
     order.sort_by(|&a, &b| {
         let ([a0, a1], [b0, b1]) = (key(a), key(b));
         a0.total_cmp(&b0).then(a1.total_cmp(&b1))
@@ -42,12 +43,12 @@ pub fn ranks(values: &[Objectives]) -> Vec<usize> {
     ranks
 }
 
-/// How alone each point of a front stands: the sides of the box between its neighbours, each over
-/// the front's extent (Sec. III-B); infinite at the ends.
+/// Crowding distance of each point of a front (Sec. III-B): sum of the sides of the box between its
+/// neighbours, each relative to the front's extent; infinite at the ends.
 fn crowding(front: &[Objectives]) -> Vec<f64> {
     let mut distance = vec![0.0; front.len()];
     for objective in [0, 1] {
-        let value = |i: usize| worth(front[i])[objective];
+        let value = |i: usize| finite_or_infinite(front[i])[objective];
         let mut order: Vec<usize> = (0..front.len()).collect();
         order.sort_by(|&a, &b| value(a).total_cmp(&value(b)));
         let (Some(&first), Some(&last)) = (order.first(), order.last()) else { return distance };
@@ -62,22 +63,24 @@ fn crowding(front: &[Objectives]) -> Vec<f64> {
     distance
 }
 
-/// All points, best first: by front, within one the loneliest; of equals the first.
+/// Indices of all points, best first: by rank, then by crowding distance, the largest first. Equal
+/// points stay in their order.
 pub fn sorted_by_crowding(values: &[Objectives]) -> Vec<usize> {
     let ranks = ranks(values);
     let mut order = Vec::new();
     for rank in 0..=ranks.iter().copied().max().unwrap_or(0) {
         let own: Vec<usize> = (0..values.len()).filter(|&i| ranks[i] == rank).collect();
         let front: Vec<Objectives> = own.iter().map(|&i| values[i]).collect();
-        let lonely = crowding(&front);
+        let distance = crowding(&front);
         let mut places: Vec<usize> = (0..own.len()).collect();
-        places.sort_by(|&a, &b| lonely[b].total_cmp(&lonely[a]));
+        places.sort_by(|&a, &b| distance[b].total_cmp(&distance[a]));
         order.extend(places.into_iter().map(|place| own[place]));
     }
     order
 }
 
-/// The area that points dominate, up to a point that is worse than all that count.
+/// Area that the points dominate, up to the reference point; points that do not dominate it do not
+/// count.
 pub fn hypervolume(values: &[Objectives], reference: Objectives) -> f64 {
     let mut inside: Vec<Objectives> =
         values.iter().copied().filter(|&v| v[0] < reference[0] && v[1] < reference[1]).collect();
@@ -96,7 +99,7 @@ mod tests {
 
     use super::*;
 
-    /// As defined: fronts peeled off one after the other.
+    /// Ranks by definition: fronts peeled off one after the other.
     fn peeled(values: &[Objectives]) -> Vec<usize> {
         let mut ranks = vec![usize::MAX; values.len()];
         for rank in 0..values.len() {
@@ -109,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn ranks_are_the_fronts_peeled_off_one_after_the_other_ties_and_no_numbers_too() {
+    fn ranks_are_the_fronts_peeled_off_one_after_the_other_with_ties_and_without_numbers() {
         let mut random = Generator::new(5, 0);
         let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
         for round in 0..2_000 {
@@ -124,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn ends_are_loneliest_and_the_middle_of_even_points_equally_lonely() {
+    fn crowding_distance_is_infinite_at_the_ends_and_the_box_between_neighbours_inside() {
         let front = [[0.0, 4.0], [1.0, 3.0], [2.0, 2.0], [4.0, 0.0]];
         assert_eq!(crowding(&front), [f64::INFINITY, 1.0, 1.5, f64::INFINITY]);
         assert_eq!(crowding(&[]), []);

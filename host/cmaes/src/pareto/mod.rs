@@ -1,10 +1,10 @@
-//! A front of two objectives: NSGA-II by ask and tell.
+//! Search for a Pareto front of two objectives: NSGA-II by ask and tell.
 //!
 //! Deb, Pratap, Agarwal, Meyarivan, "A Fast and Elitist Multiobjective Genetic Algorithm: NSGA-II"
 //! (IEEE Trans. Evol. Comp. 6(2), 2002), with its simulated binary crossover and polynomial
-//! mutation. A population shares what one part of a front learns with its neighbours: with a few
-//! thousand evaluations for twenty points and sixteen parameters, a covariance matrix for each
-//! point (COMO-CMA-ES, arXiv:1904.08823) has ten generations to learn from.
+//! mutation. Neighbours on the front learn from each other by crossover. A covariance matrix for
+//! each point (COMO-CMA-ES, arXiv:1904.08823) would have only some ten generations to learn from,
+//! with a few thousand evaluations for twenty points and sixteen parameters.
 
 mod front;
 mod variation;
@@ -19,16 +19,16 @@ use variation::child;
 /// "NSGA-II" as a number: keeps these keys apart from those of other uses.
 const PURPOSE: u64 = 0x4e53_4741_2d49_4900;
 
-/// How to search for a front.
+/// Configuration of a search for a front.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParetoConfig {
-    /// Points of the unit cube to begin with, at most a population; the rest is drawn evenly.
+    /// Start points in the unit cube, at most a population; the rest is drawn uniformly.
     pub starts: Vec<Vec<f64>>,
     /// Dimension of the cube.
     pub dimension: usize,
-    /// Points that live at once.
+    /// Size of the population.
     pub population: usize,
-    /// Decides every draw.
+    /// Seed of every draw.
     pub seed: u64,
 }
 
@@ -40,26 +40,26 @@ pub struct ParetoConfigError {
     pub field: &'static str,
     /// Its value.
     pub value: String,
-    /// What it must be.
+    /// Its requirement.
     pub expected: &'static str,
 }
 
-/// A point, and what it is worth: both objectives smaller is better.
+/// An evaluated point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Valued {
-    /// In the unit cube.
+    /// Point in the unit cube.
     pub point: Vec<f64>,
-    /// Its values.
+    /// Its values, smaller is better.
     pub values: Objectives,
 }
 
-/// The search. Its state depends on the values told alone: to resume one, tell it again what it was
-/// told.
+/// Search for a front. Its state depends on the values told only: to resume a search, tell it the
+/// same values again.
 #[derive(Clone, Debug)]
 pub struct Pareto {
     config: ParetoConfig,
     generation: u64,
-    /// Best first; none before the first generation was told.
+    /// Survivors, best first; empty before the first generation was told.
     parents: Vec<Valued>,
 }
 
@@ -74,17 +74,17 @@ impl Pareto {
         Ok(Self { config, generation: 0, parents: Vec::new() })
     }
 
-    /// Generations told.
+    /// Number of generations told.
     pub fn generation(&self) -> u64 {
         self.generation
     }
 
-    /// The points that live, best first: by front, then the loneliest.
+    /// The surviving points, best first, as [`sorted_by_crowding`] orders them.
     pub fn population(&self) -> &[Valued] {
         &self.parents
     }
 
-    /// The points to evaluate next; asked twice, the same.
+    /// The points to evaluate next; the same each time until [`Self::tell`].
     pub fn ask(&self) -> Vec<Vec<f64>> {
         (0..self.config.population).map(|i| self.candidate(i)).collect()
     }
@@ -100,13 +100,14 @@ impl Pareto {
         start.unwrap_or_else(|| (0..self.config.dimension).map(|_| random.unit()).collect())
     }
 
-    /// Takes the values of the points asked, in their order, and keeps the best of old and new.
+    /// Takes the values of the points, in the order of [`Self::ask`], and keeps the best of old and
+    /// new.
     ///
-    /// What is not finite ranks last.
+    /// A point with a value that is not finite ranks last.
     ///
     /// # Errors
     ///
-    /// [`TellError`] unless there are values for each point; the search is then as before.
+    /// [`TellError`] unless there are values for each point; the search then stays as it is.
     pub fn tell(&mut self, values: &[Objectives]) -> Result<(), TellError> {
         let asked = self.config.population;
         if values.len() != asked {
@@ -121,13 +122,13 @@ impl Pareto {
     }
 }
 
-/// The better of two drawn: they stand best first.
+/// The better of two random parents, which are sorted best first.
 fn tournament<'a>(parents: &'a [Valued], random: &mut Generator) -> &'a Valued {
     let [a, b] = [0, 1].map(|_| random.index(parents.len()));
     &parents[a.min(b)]
 }
 
-/// So many of the best: whole fronts, of the last that is begun the loneliest.
+/// The best `count` points, by rank and crowding distance.
 fn best_of(all: Vec<Valued>, count: usize) -> Vec<Valued> {
     let values: Vec<Objectives> = all.iter().map(|valued| valued.values).collect();
     let order = sorted_by_crowding(&values);

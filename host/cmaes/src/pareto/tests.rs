@@ -1,4 +1,4 @@
-//! The search on fronts that are known.
+//! The search on problems whose fronts are known.
 
 use super::*;
 
@@ -69,7 +69,7 @@ fn zdt1_s_front_is_found_from_end_to_end() {
 }
 
 #[test]
-fn what_is_told_again_leads_to_the_same_points_and_another_seed_to_others() {
+fn the_same_values_lead_to_the_same_points_and_another_seed_to_others() {
     let [a, b] = [0, 1].map(|_| searched(config(5, 12, 3), 8, double_sphere));
     assert_eq!(a.population(), b.population());
     assert_eq!(a.ask(), b.ask());
@@ -78,7 +78,7 @@ fn what_is_told_again_leads_to_the_same_points_and_another_seed_to_others() {
 }
 
 #[test]
-fn starts_come_first_and_what_is_no_number_goes_first() {
+fn starts_are_asked_first_and_values_that_are_not_finite_are_dropped_first() {
     let starts = vec![vec![0.25; 3], vec![0.5; 3]];
     let mut search = Pareto::new(ParetoConfig { starts, ..config(3, 4, 1) }).unwrap();
     assert_eq!(search.ask()[..2], [vec![0.25; 3], vec![0.5; 3]]);
@@ -89,7 +89,7 @@ fn starts_come_first_and_what_is_no_number_goes_first() {
 }
 
 #[test]
-fn what_cannot_run_is_named() {
+fn a_setting_that_cannot_run_is_named() {
     let refused = |config| Pareto::new(config).unwrap_err().to_string();
     assert_eq!(refused(config(0, 8, 1)), "dimension = 0 must be at least 1");
     assert_eq!(refused(config(2, 3, 1)), "population = 3 must be at least 4");

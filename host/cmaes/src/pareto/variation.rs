@@ -1,16 +1,16 @@
-//! New points from old ones.
+//! Crossover and mutation: new points from old ones.
 
 use echoloop_random::Generator;
 
-/// Chance of a crossover, and of a coordinate to take part in it (Deb and Agrawal 1995).
+/// Probability of a crossover, and of a coordinate to take part in it (Deb and Agrawal 1995).
 const CROSSOVER: f64 = 0.9;
 const TAKES_PART: f64 = 0.5;
 
-/// Distribution indices, of crossover and of mutation: the greater, the nearer to the parents.
+/// Distribution indices of crossover and of mutation: the larger, the nearer to the parents.
 const ETA_CROSSOVER: f64 = 15.0;
 const ETA_MUTATION: f64 = 20.0;
 
-/// A child of two points of the unit cube, within it.
+/// Child of two points of the unit cube; it lies inside the cube.
 pub(super) fn child(a: &[f64], b: &[f64], random: &mut Generator) -> Vec<f64> {
     let crosses = random.chance(CROSSOVER);
     let mutates = 1.0 / a.len() as f64;
@@ -21,8 +21,8 @@ pub(super) fn child(a: &[f64], b: &[f64], random: &mut Generator) -> Vec<f64> {
     a.iter().zip(b).map(coordinate).collect()
 }
 
-/// Simulated binary crossover: as far from the middle as a cut through binary digits would lead,
-/// one of both children.
+/// Simulated binary crossover: one of the two children, at random. Its distance from the middle is
+/// distributed as that of a one-point crossover of binary digits.
 fn crossed(a: f64, b: f64, random: &mut Generator) -> f64 {
     let u = random.unit();
     let power = 1.0 / (ETA_CROSSOVER + 1.0);
@@ -36,7 +36,7 @@ fn crossed(a: f64, b: f64, random: &mut Generator) -> f64 {
     (f64::midpoint(a, b) + side).clamp(0.0, 1.0)
 }
 
-/// Polynomial mutation: a step whose tail ends at the wall that it goes towards.
+/// Polynomial mutation: a step whose distribution ends at the walls of the cube.
 fn mutated(x: f64, random: &mut Generator) -> f64 {
     let u = random.unit();
     let power = ETA_MUTATION + 1.0;
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mutation_stays_within_the_walls_reaches_both_and_is_small_as_a_rule() {
+    fn a_mutation_stays_in_the_cube_and_is_mostly_small_but_may_be_large() {
         let mut random = Generator::new(4, 0);
         for x in [0.0, 0.1, 0.5, 1.0] {
             let mutants: Vec<f64> = (0..N).map(|_| mutated(x, &mut random)).collect();

@@ -1,31 +1,32 @@
 //! Four tables whose sum is nearly normal.
 //!
-//! Each byte of a word says a number of 256, and the four add up: 2³² sums, equally likely.
+//! Each byte of a word picks one number of a table of 256, and the four numbers add up: 2³² sums,
+//! equally likely.
 //!
 //! ```text
 //! T_j[b] = W_j · s · FINE[b mod 16] + V_j · COARSE[⌊b/16⌋ mod 8],     s = −1 where b ≥ 128, else 1
 //! ```
 //!
-//! So eight independent parts, which a vector unit looks up 32 or 64 at a time (`vpshufb`). Sums of
-//! few parts are near a normal when the parts have its higher cumulants. `FINE`, `COARSE` and the
-//! weights were searched for by us so that the sums have its distribution: theirs differs from it
-//! by less than 2 × 10⁻⁵, and the tails beyond z by less than 2 % up to 4.5 σ, 8 % up to 5 σ.
-//! Farther out they are lighter, by up to 40 % at 5.5 σ, and none is beyond 6.31 σ. A test adds all
-//! 2³² up. A sum is a multiple of 10⁻⁴ σ.
+//! Thus a sum has eight independent parts, which a vector unit looks up 32 or 64 at a time
+//! (`vpshufb`). `FINE`, `COARSE` and the weights are the result of a search for sums that are
+//! nearly normal. Their distribution function differs from the normal one by less than 2 × 10⁻⁵;
+//! their tails beyond z differ by less than 2 % up to 4.5 σ and 8 % up to 5 σ. Farther out the
+//! tails are lighter, by up to 40 % at 5.5 σ, and no sum is beyond 6.31 σ. A test evaluates all 2³²
+//! sums. Sums are multiples of 10⁻⁴ σ.
 
-/// Magnitudes of a part that has a sign of its own.
+/// Magnitudes of the part with a separate sign.
 pub(super) const FINE: [i8; 16] = [3, 7, 7, 8, 8, 14, 20, 22, 23, 24, 29, 31, 39, 42, 58, 123];
 
-/// The other part.
+/// Values of the part with its sign included.
 pub(super) const COARSE: [i8; 8] = [-123, -44, -38, -35, 35, 38, 44, 123];
 
-/// W and V, by byte. All alike, sums would fall on few values.
+/// W and V, by byte. With equal weights, sums would take few values.
 pub(super) const WEIGHTS: [[u8; 4]; 2] = [[70, 68, 69, 69], [56, 62, 58, 60]];
 
-/// 1/σ of a sum.
+/// 1/σ, σ being the standard deviation of a sum.
 pub(super) const PER_SIGMA: f32 = 1.001_290_1e-4;
 
-/// T.
+/// T, the four tables.
 pub(super) static SUMMANDS: [[i16; 256]; 4] = summands();
 
 const fn summands() -> [[i16; 256]; 4] {
@@ -45,7 +46,7 @@ const fn summands() -> [[i16; 256]; 4] {
 mod tests {
     use super::*;
 
-    /// How often each sum of two tables comes, from the least on; the least.
+    /// Number of occurrences of each sum of two tables, from the least sum on, and the least sum.
     fn pairs(tables: &[[i16; 256]]) -> (Vec<u64>, i32) {
         let sums = || {
             let [a, b] = [0, 1].map(|i| tables[i].iter().map(|&value| i32::from(value)));
@@ -57,12 +58,11 @@ mod tests {
         (counts, least)
     }
 
-    /// Of all 2³² sums, how many are beyond each of some bounds, those that are equal counted half;
-    /// twice that.
+    /// Twice the number of sums, of all 2³², beyond each bound; sums at a bound count half.
     fn twice_beyond(bounds: &[i32]) -> Vec<u64> {
         let ((first, least), (second, second_least)) =
             (pairs(&SUMMANDS[..2]), pairs(&SUMMANDS[2..]));
-        // Of the second pairs, how many are as great or greater, by sum.
+        // Number of second pairs whose sum is at least each sum.
         let mut rest = second.clone();
         (1..rest.len()).rev().for_each(|i| rest[i - 1] += rest[i]);
         let from = |bound: i32| {
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn all_sums_together_are_as_near_to_a_normal_as_they_say() {
+    fn the_sums_are_as_near_to_a_normal_as_documented() {
         let all = 2.0 * 4_294_967_296.0;
         let bounds: Vec<i32> = (0..=550).map(|k| 100 * k).collect();
         for (bound, twice) in bounds.iter().zip(twice_beyond(&bounds)) {
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn as_many_sums_are_below_zero_as_above() {
+    fn the_distribution_of_the_sums_is_symmetric() {
         let bounds = [-30_000, -9_999, -1, 1, 9_999, 30_000];
         let beyond = twice_beyond(&bounds);
         for (below, above) in beyond[..3].iter().zip(beyond[3..].iter().rev()) {
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn their_variance_is_one() {
+    fn the_variance_of_the_sums_is_one() {
         let square = |table: &[i16; 256]| {
             table.iter().map(|&value| f64::from(value).powi(2)).sum::<f64>() / 256.0
         };

@@ -1,4 +1,4 @@
-//! Normals with table look-ups in registers.
+//! Normals by table look-ups in AVX2 registers.
 
 use core::arch::x86_64::{
     __m256i, _mm256_add_epi16, _mm256_add_epi32, _mm256_and_si256, _mm256_cvtepi32_ps,
@@ -12,10 +12,10 @@ use super::atoms::{COARSE, FINE, PER_SIGMA, WEIGHTS};
 use super::blocks::{counters, fill};
 use super::key::{Key, MIX, STEP};
 
-/// Numbers computed at a time.
+/// Numbers per vector.
 const LANES: usize = 8;
 
-/// [`normals()`](super::normals()).
+/// [`normals()`](super::normals()) for AVX2.
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 pub(super) fn normals(key: Key, z: &mut [f32]) {
     let tables = Tables::new();
@@ -29,7 +29,7 @@ pub(super) fn normals(key: Key, z: &mut [f32]) {
     });
 }
 
-/// [`Key::word`] of counters that are spread.
+/// [`Key::word`] of eight counters, given as multiples of [`STEP`].
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 fn word(Key([outer, inner]): Key, spread: __m256i) -> __m256i {
@@ -43,7 +43,7 @@ fn word(Key([outer, inner]): Key, spread: __m256i) -> __m256i {
     _mm256_xor_si256(x, _mm256_srli_epi32::<15>(x))
 }
 
-/// The tables of `atoms.rs` as registers hold them: twice, once for each half.
+/// Tables of `atoms.rs` in registers, repeated for each half.
 struct Tables {
     fine: __m256i,
     coarse: __m256i,
@@ -73,7 +73,7 @@ impl Tables {
     fn normals(&self, words: __m256i, z: &mut [f32; LANES]) {
         let low = _mm256_set1_epi8(0x0f);
         let fine = _mm256_shuffle_epi8(self.fine, _mm256_and_si256(words, low));
-        // The sign of the byte is taken; a byte of 0 would make the part 0, hence the 1.
+        // Takes the sign of the byte; a byte of 0 would make the part 0, hence the 1.
         let fine = _mm256_sign_epi8(fine, _mm256_or_si256(words, _mm256_set1_epi8(1)));
         let high = _mm256_and_si256(_mm256_srli_epi16::<4>(words), low);
         let coarse = _mm256_shuffle_epi8(self.coarse, high);

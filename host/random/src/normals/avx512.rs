@@ -1,5 +1,4 @@
-//! Normals with table look-ups in registers of AVX-512, whose multiply-adds of bytes give whole
-//! sums.
+//! Normals by table look-ups in AVX-512 registers; its multiply-adds of bytes give whole sums.
 
 use core::arch::x86_64::{
     __m512i, _mm512_add_epi32, _mm512_and_si512, _mm512_cvtepi32_ps, _mm512_dpbusd_epi32,
@@ -12,10 +11,10 @@ use super::atoms::{COARSE, FINE, PER_SIGMA, WEIGHTS};
 use super::blocks::{counters, fill};
 use super::key::{Key, MIX, STEP};
 
-/// Numbers computed at a time.
+/// Numbers per vector.
 const LANES: usize = 16;
 
-/// [`normals()`](super::normals()).
+/// [`normals()`](super::normals()) for AVX-512.
 #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
 pub(super) fn normals(key: Key, z: &mut [f32]) {
     let tables = Tables::new();
@@ -29,7 +28,7 @@ pub(super) fn normals(key: Key, z: &mut [f32]) {
     });
 }
 
-/// [`Key::word`] of counters that are spread.
+/// [`Key::word`] of sixteen counters, given as multiples of [`STEP`].
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
 fn word(Key([outer, inner]): Key, spread: __m512i) -> __m512i {
@@ -43,7 +42,7 @@ fn word(Key([outer, inner]): Key, spread: __m512i) -> __m512i {
     _mm512_xor_si512(x, _mm512_srli_epi32::<15>(x))
 }
 
-/// The tables of `atoms.rs` as registers hold them: once for each quarter.
+/// Tables of `atoms.rs` in registers, repeated for each quarter.
 struct Tables {
     fine: __m512i,
     coarse: __m512i,
@@ -73,7 +72,7 @@ impl Tables {
     fn normals(&self, words: __m512i, z: &mut [f32; LANES]) {
         let (low, zero) = (_mm512_set1_epi8(0x0f), _mm512_setzero_si512());
         let fine = _mm512_shuffle_epi8(self.fine, _mm512_and_si512(words, low));
-        // A byte of 128 and more is a negative one.
+        // A byte of 128 or more makes the part negative.
         let fine = _mm512_mask_sub_epi8(fine, _mm512_movepi8_mask(words), zero, fine);
         let high = _mm512_and_si512(_mm512_srli_epi16::<4>(words), low);
         let coarse = _mm512_shuffle_epi8(self.coarse, high);

@@ -1,8 +1,8 @@
-//! Numbers in blocks, as many at a time as a register holds.
+//! Slices filled block by block, a block being a register's numbers.
 
 use super::key::STEP;
 
-/// Fills `z` by blocks from `next`, the last one in part.
+/// Fills `z` with the blocks that `next` gives; of the last one, as much as fits.
 #[inline(always)]
 pub(super) fn fill<const LANES: usize>(z: &mut [f32], mut next: impl FnMut(&mut [f32; LANES])) {
     let (blocks, rest) = z.as_chunks_mut();
@@ -16,7 +16,7 @@ pub(super) fn fill<const LANES: usize>(z: &mut [f32], mut next: impl FnMut(&mut 
     }
 }
 
-/// The counters of the first block, spread.
+/// Counters of the first block, times [`STEP`].
 #[inline(always)]
 pub(super) fn counters<const LANES: usize>() -> [u32; LANES] {
     std::array::from_fn(|n| (n as u32).wrapping_mul(STEP))

@@ -1,6 +1,6 @@
-//! What a row of normals hangs on, and its words.
+//! Key of a row of normals, and its words.
 
-/// What a row of numbers hangs on.
+/// Key of a row of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Key(pub(super) [u32; 2]);
 
@@ -10,17 +10,17 @@ impl Key {
         Self([(bits >> 32) as u32, bits as u32])
     }
 
-    /// The bits that it was made of.
+    /// The bits of [`Self::new`].
     pub const fn bits(self) -> u64 {
         let Self([high, low]) = self;
         (high as u64) << 32 | low as u64
     }
 
-    /// The word of a counter: for one key, every counter has another.
+    /// The word of a counter: a permutation of the counters.
     ///
     /// A 32-bit mixing function of low bias (two multiplications, found by exhaustive search: C.
-    /// Wellons, "prospecting for hash functions"), with half of the key before its first shift and
-    /// half behind it, so that rows that share one half have nothing in common.
+    /// Wellons, "prospecting for hash functions"). Half of the key enters before its first shift
+    /// and half after it, so that rows that share one half have nothing in common.
     #[inline(always)]
     pub(super) const fn word(self, counter: u32) -> u32 {
         let Self([outer, inner]) = self;

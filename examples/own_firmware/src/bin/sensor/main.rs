@@ -1,5 +1,5 @@
-//! A firmware that links: entry, memory map, panic handler. Put a part of your HAL in the place of
-//! each `Nothing`.
+//! A firmware that links: entry, memory map, panic handler. Replace each `Nothing` by a part of
+//! your HAL.
 //!
 //! ```sh
 //! cargo build --release -p echoloop-own-firmware --target thumbv7em-none-eabihf
@@ -15,22 +15,22 @@ fn start() -> ! {
     use echoloop_own_firmware::{OwnBoard, serve};
     use nothing::Nothing;
 
-    // First clocks, pins and peripherals, as your HAL has it.
+    // First initialise clocks, pins and peripherals with your HAL.
     let board = OwnBoard {
         emitter: Nothing, // an `SpiDevice` of embedded-hal: the laser driver, chip select included
         adc: Nothing,     // an `SpiDevice`: amplifier and converter
         link: Nothing,    // `Read`, `ReadReady`, `Write` of embedded-io: a UART or USB serial line
         flash: Nothing,   // a `NorFlash` of embedded-storage: two slots that memory.x leaves out
-        buffer: Nothing,  // `Buffer`: what DMA fills when the emitter fires; armed
+        buffer: Nothing,  // `Buffer`: filled by DMA when the emitter fires; armed
         watchdog: Nothing, // `Watchdog`: already started
         restarts: 0,
         now_us: || None, // a timer of 1 MHz, if there is one
     };
-    // `cortex_m::asm::wfi` in its place, once an interrupt of the link or a timer ends the sleep.
+    // Use `cortex_m::asm::wfi` once an interrupt of the link or a timer ends the sleep.
     serve(board, core::hint::spin_loop)
 }
 
-/// Nothing in Echoloop reaches it. The watchdog restarts the board.
+/// Not reached by Echoloop's code. The watchdog restarts the board.
 #[cfg(target_os = "none")]
 #[panic_handler]
 fn panicked(_: &core::panic::PanicInfo<'_>) -> ! {

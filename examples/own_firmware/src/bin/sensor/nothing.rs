@@ -1,19 +1,19 @@
-//! A part that is not there yet: every access fails, no byte ever comes.
+//! Placeholder for a part of the board: every access fails, no byte ever arrives.
 
 use echoloop_own_firmware::{Buffer, Watchdog};
 use embedded_hal::spi::{ErrorKind, Operation, SpiDevice};
 use embedded_storage::nor_flash::{NorFlash, NorFlashErrorKind, ReadNorFlash};
 
-/// In the place of any part of the board.
+/// Placeholder for any part of the board.
 pub(crate) struct Nothing;
 
-/// Whether a part is there: no. Not known while compiling, or the linker would leave out all that
-/// needs one.
+/// Always false, but not known at compile time, or the linker would remove all code that needs a
+/// part.
 fn is_there() -> bool {
     core::hint::black_box(false)
 }
 
-/// What a part answers.
+/// Error of every access.
 fn answer<E>(error: E) -> Result<(), E> {
     if is_there() { Ok(()) } else { Err(error) }
 }
