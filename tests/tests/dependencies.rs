@@ -210,13 +210,12 @@ const NO_STD: [&str; 9] = [
 const BOARDS: [&str; 2] = ["thumbv7em-none-eabihf", "riscv32imac-unknown-none-elf"];
 
 /// Crates of which another dependency brings an older version too, and which one that is.
-const BROUGHT_TWICE: [(&str, &str); 6] = [
+const BROUGHT_TWICE: [(&str, &str); 5] = [
     ("thiserror", "pcd-rs"),
     ("criterion", "rdst"),
     ("embedded-hal", "cortex-m"),
     ("embedded-io", "stm32f4xx-hal"),
     ("heapless", "usb-device"),
-    ("syn", "zerocopy-derive"),
 ];
 
 fn workspace() -> PathBuf {
