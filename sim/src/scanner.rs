@@ -1,4 +1,5 @@
-//! What a scene sends back to a scanner's beams, before any electronics (docs/physics.md §1).
+//! What a scene sends back to a scanner's beams, before any electronics (benches/record/physics.md
+//! §1).
 //!
 //! The answer holds everything about the place and nothing about the sensor's settings, so a pose
 //! is traced once and every candidate Θ_lidar renders its waveforms from it.

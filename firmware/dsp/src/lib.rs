@@ -39,7 +39,8 @@
 //! [`Settings`] is what a user may set, with its one table [`PARAMETERS`]; [`DetectorConfig`] is
 //! what the stages read, derived from it once; [`Pipeline`] runs them, with the loops over every
 //! sample behind [`SampleLoops`]. Every format and rounding rule is stated at its stage, and a
-//! model in `f64` in the tests follows it bit for bit. Derivations are in `docs/detector.md`.
+//! model in `f64` in the tests follows it bit for bit. Derivations are in
+//! `benches/record/detector.md`.
 //!
 //! | feature | brings | for |
 //! |---|---|---|

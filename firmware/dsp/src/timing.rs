@@ -30,7 +30,7 @@ use crate::template::Template;
 /// | `w`, `z` | Q16.16 samples, nearest |
 ///
 /// Computed in `f32`: `q` and `z` are within 10⁻⁴; of a top's slope and of `β` 10⁻⁶ (o W f_s)² is
-/// lost. Derived in `docs/detector.md`, What noise does to the time.
+/// lost. Derived in `benches/record/detector.md`, What noise does to the time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
     gain: u32,

@@ -263,8 +263,8 @@ mod tests {
         assert!(near(1.08 / sigma_ua, 12.6), "{sigma_ua}");
     }
 
-    /// Worked out apart from this file, from the equations and defaults of docs/physics.md with the
-    /// constants of CODATA.
+    /// Worked out apart from this file, from the equations and defaults of
+    /// benches/record/physics.md with the constants of CODATA.
     #[test]
     fn the_current_without_a_signal_is_that_of_the_sun_on_the_whole_footprint() {
         let receiver = Receiver::default();
