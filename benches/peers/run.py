@@ -15,7 +15,7 @@ import speed
 from prose import wrapped
 
 HERE = Path(__file__).parent
-TITLE = "# Registration against its peers\n\nWritten by `cargo xtask peers`; how and why: [registration.md](../../docs/registration.md).\n"
+TITLE = "# Registration against its peers\n\nWritten by `cargo xtask peers`; how and why: [registration.md](registration.md).\n"
 
 
 def script(name, out, *arguments, threads=1):

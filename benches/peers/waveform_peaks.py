@@ -2,8 +2,8 @@
 
     ECHOLOOP_DATA=... python3 benches/peers/waveform_peaks.py [target/release/echoloop]
 
-Prints the tables of docs/waveforms.md. Needs numpy and scipy. An echo and a published place pair up within 2 ns, nearest
-first; what is left of either is an extra or a miss. Plateaus count at their middle, for everybody.
+Prints the tables of benches/record/waveforms.md. Needs numpy and scipy. An echo and a published place pair up within
+2 ns, nearest first; what is left of either is an extra or a miss. Plateaus count at their middle, for everybody.
 """
 
 import csv

@@ -1,7 +1,7 @@
 //! `cargo xtask patterns`: what registration gains with each scan pattern.
 //!
-//! A run that is done is a line of `benches/record/patterns.jsonl`; the table of `docs/data.md` is
-//! written from those lines alone.
+//! A run that is done is a line of `benches/record/patterns.jsonl`; the table of
+//! `benches/record/data.md` is written from those lines alone.
 
 use std::fmt::Write;
 
@@ -14,7 +14,7 @@ use crate::record::{append, echoloop, lines, printed, stamp, write_page};
 use crate::shell::{cargo, workspace};
 
 const RECORD: &str = "benches/record/patterns.jsonl";
-const PAGE: &str = "docs/data.md";
+const PAGE: &str = "benches/record/data.md";
 
 /// The order of the table.
 const PATTERNS: [&str; 9] = [

@@ -98,7 +98,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path();
         let git = |arguments: &[&str]| output_in(root, "git", arguments).unwrap();
-        let files = ["src/a.rs", "benches/record/study.jsonl", "docs/study.md"];
+        let files = ["src/a.rs", "benches/record/study.jsonl", "docs/data.md"];
         for file in files {
             fs::create_dir_all(root.join(file).parent().unwrap()).unwrap();
             fs::write(root.join(file), "1\n").unwrap();

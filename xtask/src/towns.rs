@@ -1,5 +1,6 @@
 //! `cargo xtask towns`: pairs of the nine towns, traced, kept and read back; what that takes goes
-//! into `docs/data.md`. Those on CARLA's roads need its files, which `ECHOLOOP_DATA` names.
+//! into `benches/record/data.md`. Those on CARLA's roads need its files, which `ECHOLOOP_DATA`
+//! names.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -11,7 +12,7 @@ use serde_json::Value;
 use crate::record::{echoloop, printed, stamp, write_page};
 use crate::shell::{built, cargo, workspace};
 
-const PAGE: &str = "docs/data.md";
+const PAGE: &str = "benches/record/data.md";
 
 /// The nine, and those of a kind together.
 const SCENES: [&str; 12] = [

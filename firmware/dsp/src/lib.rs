@@ -40,7 +40,7 @@
 //! holds the constants of the stages, derived from the settings once. [`Pipeline`] runs the stages;
 //! the loops over every sample are behind [`SampleLoops`]. Every format and rounding rule is stated
 //! at its stage, and a model in `f64` in the tests follows it bit for bit. Derivations are in
-//! `docs/detector.md`.
+//! `benches/record/detector.md`.
 //!
 //! | feature | brings | for |
 //! |---|---|---|

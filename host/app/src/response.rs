@@ -37,7 +37,8 @@ pub(super) struct ResponseArgs {
     plot_response: Option<PathBuf>,
 }
 
-/// Echoes below which a response has been seen to lose more than it is worth: docs/waveforms.md.
+/// Echoes below which a response has been seen to lose more than it is worth:
+/// benches/record/waveforms.md.
 const FEWEST: usize = 16;
 
 /// The files that are to be written, seen to be free.

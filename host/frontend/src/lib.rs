@@ -30,7 +30,8 @@
 //! | photon counts in arbitrary units, to compare simulators | [`litl`] |
 //!
 //! Every sample is a pure function of seed, scan, beam and shot: the same on any number of threads.
-//! The equations and their sources are in docs/physics.md, the switches in docs/front-end.md.
+//! The equations and their sources are in benches/record/physics.md, the switches in
+//! benches/record/front-end.md.
 
 mod adc;
 mod aerosol;

@@ -15,7 +15,7 @@ use echoloop_clouds::Pose;
 /// programs have it the other way round (GTSAM's `Pose3` has the turn first, ROS the shift), or in
 /// the source's frame: `C_source = Ad⁻¹ C Ad⁻ᵀ` with the estimate's adjoint.
 ///
-/// What local methods compute it from, and how well it holds: docs/registration.md.
+/// What local methods compute it from, and how well it holds: benches/record/registration.md.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Covariance(pub Matrix6<f64>);
 

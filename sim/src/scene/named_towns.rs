@@ -353,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    #[ignore = "the table of docs/data.md: minutes without optimisation"]
+    #[ignore = "the table of benches/record/data.md: minutes without optimisation"]
     fn all_nine_have_viewpoints_for_ten_and_a_hundred_pairs() {
         let data = echoloop_needs::data_folder("three of the nine towns");
         for town in Town::ALL {

@@ -153,7 +153,8 @@ fn echoes_stay_within_the_tolerance_table_of_the_model_that_never_rounds() {
 
 #[test]
 fn a_noise_free_echo_s_worst_bias_over_all_phases_is_that_of_the_parabola() {
-    // (bins, upsampling, worst |bias| in mm of docs/physics.md's check values or measured)
+    // (bins, upsampling, worst |bias| in mm of benches/record/physics.md's check values or
+    // measured)
     for (bins, upsampling, expected_mm, within_mm) in [
         (HALF_GS, 1, 7.3, 0.6),  // 6.86
         (ONE_GS, 1, 0.91, 0.03), // 0.92
@@ -308,7 +309,7 @@ fn reflectivity_is_that_of_the_surface_whole_or_clipped() {
 fn the_spread_in_white_noise_is_that_of_the_physics_and_near_the_cramer_rao_bound() {
     const RUNS: u32 = 6_000;
     let confidence = 3.0 / f64::from(2 * RUNS).sqrt(); // three σ of a standard deviation: 2.7 %
-    // docs/physics.md §4, Monte Carlo in real numbers: mm at 1 GS/s
+    // benches/record/physics.md §4, Monte Carlo in real numbers: mm at 1 GS/s
     for (snr, physics_mm) in [(10.0, 21.0), (20.0, 10.6), (50.0, 4.35)] {
         let mut bench =
             Bench::new(Settings { bins: ONE_GS, ..Settings::default() }, Hardware::REFERENCE);
@@ -332,7 +333,7 @@ fn upsampling_mends_the_parabola_s_spread_at_half_a_giga_sample_and_walk_correct
     };
     let (plain, upsampled) =
         (spread(1, TimingMethod::Parabola.code()), spread(8, TimingMethod::Parabola.code()));
-    // docs/physics.md: 8.02 against a bound of 6.04; reached 7.92
+    // benches/record/physics.md: 8.02 against a bound of 6.04; reached 7.92
     assert!((plain - 8.02).abs() < 0.4, "{plain} mm");
     assert!(upsampled < 7.0, "{upsampled} mm"); // 6.65
     let corrected = spread(1, TimingMethod::WalkCorrected.code());
@@ -360,8 +361,8 @@ fn weak_echoes_in_little_noise_are_unbiased_at_every_rate_and_resolution() {
 #[test]
 fn false_alarms_are_as_rare_as_the_physics_says() {
     const WINDOWS: u32 = 30_000;
-    // per 800 ns window at k = 4, with σ known: docs/physics.md §4. Measuring σ from the same
-    // waveform adds a fifth.
+    // per 800 ns window at k = 4, with σ known: benches/record/physics.md §4. Measuring σ from the
+    // same waveform adds a fifth.
     for (bins, known_sigma) in [(HALF_GS, 0.0106), (ONE_GS, 0.0133), (THREE_GS, 0.0167)] {
         let settings = Settings {
             bins,

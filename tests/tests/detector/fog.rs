@@ -1,7 +1,7 @@
 //! How far the default settings see in fog: a target square to the beam, of three reflectances.
 //!
 //! `cargo test -p echoloop-tests --test detector fog:: -- --nocapture` prints the table of
-//! docs/front-end.md.
+//! benches/record/front-end.md.
 
 use std::f64::consts::PI;
 use std::sync::Arc;

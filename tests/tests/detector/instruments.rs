@@ -6,8 +6,8 @@
 //!     instruments:: -- --nocapture
 //! ```
 //!
-//! prints the tables of docs/waveforms.md. Seeds below 100 were looked at while the constants were
-//! chosen.
+//! prints the tables of benches/record/waveforms.md. Seeds below 100 were looked at while the
+//! constants were chosen.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! The physical limits that the sensor is held to: docs/physics.md §4 as tests.
+//! The physical limits that the sensor is held to: benches/record/physics.md §4 as tests.
 //!
 //! Every figure is a seeded Monte Carlo, so it is the same in every run; "confidence" is three
 //! standard errors of what is measured unless said otherwise. Comments give what the code reaches.

@@ -1,7 +1,7 @@
 //! Where light ends: the range of the laser's power goes down to where nothing is detected.
 //!
 //! `cargo test -p echoloop-tests --test detector power:: -- --nocapture` prints the table of
-//! docs/detector.md.
+//! benches/record/detector.md.
 
 use std::sync::Arc;
 

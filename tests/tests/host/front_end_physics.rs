@@ -220,7 +220,8 @@ fn shot_noise_grows_linearly_with_the_signal_at_the_slope_of_the_physics() {
 fn ambient_light_does_not_depend_on_range() {
     const SHOTS: u32 = 2_000;
     let receiver = Receiver { adc_bits: 14, irradiance_w_m2_nm: 10.0, ..Receiver::default() };
-    // From docs/physics.md by hand: 10 W/m²/nm are 49.22 nW on the diode, 2.6945 µA of 30 µA.
+    // From benches/record/physics.md by hand: 10 W/m²/nm are 49.22 nW on the diode, 2.6945 µA of 30
+    // µA.
     let expected = 1_471.542;
     let analog = Analog { pre_trigger: 100, ..ANALOG };
     for range_m in [5.0, 30.0, 100.0] {
@@ -257,7 +258,7 @@ fn filter_error_mm(codes: &[u16], centre: f64) -> f64 {
 fn the_converter_costs_what_the_quantisation_table_says() {
     const LEVELS: u32 = 100;
     const PHASES: u32 = 60;
-    // (amplitude over full scale, bits, mm): S = 10 at 1 GS/s, docs/physics.md §4.
+    // (amplitude over full scale, bits, mm): S = 10 at 1 GS/s, benches/record/physics.md §4.
     for (fraction, bits, table_mm, within) in [
         (0.05, 8, 21.6, 0.04),
         (0.05, 12, 21.3, 0.04),
@@ -319,7 +320,7 @@ fn plane(x: f32, turn: f32) -> Mesh {
 fn results_do_not_depend_on_the_number_of_sub_rays() {
     const SCANS: u32 = 1_000;
     // 95 m, ρ 0.1: an echo of about 5 µA, A/σ about 50 in quiet air; its Cramér–Rao bound is that
-    // of docs/physics.md §4.
+    // of benches/record/physics.md §4.
     for turn_deg in [0.0_f32, 30.0, 60.0] {
         let caster = Raycaster::from_mesh(&plane(95.0, turn_deg.to_radians()));
         let mut means = Vec::new();

@@ -3,8 +3,8 @@
 //! Every cell is a run of `echoloop tune`: a strategy, a protocol, a method, a kind of scene, a
 //! condition and a seed. A cell that is done is a line of `benches/record/study.jsonl`, with the
 //! error of every held-out pair, so a study goes on where it was left, on any machine. The table
-//! of `docs/study.md` is written from those lines alone. `--front` does the same for fronts of
-//! error against energy.
+//! of `benches/record/study.md` is written from those lines alone. `--front` does the same for
+//! fronts of error against energy.
 
 mod cell;
 mod front;
@@ -26,7 +26,7 @@ use record::Line;
 
 const RECORD: &str = "benches/record/study.jsonl";
 const FRONTS: &str = "benches/record/fronts.jsonl";
-const PAGE: &str = "docs/study.md";
+const PAGE: &str = "benches/record/study.md";
 
 /// Which cells.
 #[derive(Clone, Debug, clap::Args)]

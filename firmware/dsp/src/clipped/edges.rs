@@ -53,7 +53,8 @@ const LEAST_SIGMA: i64 = 1 << 6;
 /// | `A` | of the nearest pair, at least `level` | Q1.15 |
 ///
 /// Products, quotients, halves and roots are rounded down; roots of ratios are at most 2⁸, divisors
-/// at least one LSB. Derived, with a figure, in `docs/detector.md`, The edges of a clipped echo.
+/// at least one LSB. Derived, with a figure, in `benches/record/detector.md`, The edges of a
+/// clipped echo.
 #[derive(Clone, Copy, Debug)]
 pub struct EdgeFit<'a> {
     /// Emitted pulse.

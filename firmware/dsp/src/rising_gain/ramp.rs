@@ -32,7 +32,7 @@ use crate::settings::Settings;
 ///
 /// 2^f is within 1.5 × 10⁻⁴. A gain that rises as R² would shift every echo by another distance,
 /// 0.304 (cW/2)²/R behind a matched filter; this one shifts them alike, and `z` not at all.
-/// Derived in `docs/detector.md`, A gain that rises with range.
+/// Derived in `benches/record/detector.md`, A gain that rises with range.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ramp {
     /// Slope in octaves a sample, Q0.32.

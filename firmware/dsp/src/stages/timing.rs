@@ -30,7 +30,7 @@ use crate::stages::template::Template;
 /// | `w`, `z` | Q16.16 samples, nearest |
 ///
 /// Computed in `f32`: `q` and `z` are within 10⁻⁴; a top's slope and `β` within 10⁻⁶ (o W f_s)².
-/// Derived in `docs/detector.md`, What noise does to the time.
+/// Derived in `benches/record/detector.md`, What noise does to the time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
     gain: u32,

@@ -1,7 +1,7 @@
 //! What a scan costs: energy, the detector's instructions, bits on the link, time.
 //!
 //! - **Energy**, J: P · W · shots · beams. A sin² pulse of peak P and FWHM W carries exactly P · W
-//!   (docs/physics.md).
+//!   (benches/record/physics.md).
 //! - **Instructions** a waveform: a model of the microcontroller's, fitted to
 //!   `firmware/image/cost.tsv`, which `cargo xtask cost` writes.
 //! - **Bits**: the frames of the scan, both ways ([`scan_bits`]).

@@ -27,7 +27,7 @@ use echoloop_dsp::statistics::Statistics;
 /// | `m` | codes · 2^shift, the quotient rounded down | Q1.15 |
 /// | `a` | ambient, at most the largest Q1.15 | Q1.15; 1.645·σ nearest |
 ///
-/// Derived, with a figure, in docs/finder.md, Ambient and noise.
+/// Derived, with a figure, in benches/record/finder.md, Ambient and noise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Baseline {
     /// a, Q1.15.

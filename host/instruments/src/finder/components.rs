@@ -48,7 +48,8 @@ pub type Components = Vec<Component, MAX_CANDIDATES>;
 /// | `σ` | Q8 samples: ⌊√(σ² · 2⁸)⌋, within ⌊0.7 σ⌋, ⌊1.4 σ⌋ (179, 358 of 2⁸) and its bounds |
 ///
 /// It ends after [`SWEEPS`] rounds, or when one moved no centre by 2⁻⁸ samples and no σ at all.
-/// Adaptive Gaussian moments, made joint: derived in docs/finder.md, Overlapping echoes apart.
+/// Adaptive Gaussian moments, made joint: derived in benches/record/finder.md, Overlapping echoes
+/// apart.
 #[derive(Clone, Copy, Debug)]
 pub struct Fit<'a> {
     /// Waveform without ambient, Q1.15.

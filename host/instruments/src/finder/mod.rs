@@ -223,7 +223,7 @@ impl EchoFinder {
     ///
     /// 18·σ_u, Q16.16 of Q8, is 3 % of the width at half maximum; J is twice what noise moves the
     /// top of a Gaussian of height A by. A width that View::width does not know is 2.355 σ_u or,
-    /// without a component, the pulse's. Why: docs/finder.md, Time, height and width.
+    /// without a component, the pulse's. Why: benches/record/finder.md, Time, height and width.
     fn place(&mut self, peaks: &[Peak], context: &Context) -> FoundEchoes {
         let x = self.padded.x();
         let z = self.sharp.get(..x.len()).unwrap_or_default();

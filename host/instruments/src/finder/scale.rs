@@ -77,7 +77,7 @@ impl Default for Padded {
 /// ```
 ///
 /// `σ·r_W` is Q13.19, nearest, `max x` Q1.15. The quotients are compared exactly. Why the least
-/// width, and why 100 and 8: docs/finder.md, Pulse and view.
+/// width, and why 100 and 8: benches/record/finder.md, Pulse and view.
 #[derive(Clone, Debug)]
 pub struct Bank {
     templates: Vec<Template, { WIDTHS.len() }>,

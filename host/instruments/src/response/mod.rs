@@ -7,7 +7,7 @@
 //! ```
 //!
 //! In `f64`: unlike the finder this is no candidate for an image. Why it is done so:
-//! docs/finder.md, The instrument's response.
+//! benches/record/finder.md, The instrument's response.
 
 mod curve;
 mod estimate;

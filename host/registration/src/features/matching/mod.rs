@@ -8,7 +8,8 @@
 //! The result is that of the double loop over all pairs, to the last bit. The work is not: a
 //! rotation onto the axes that features differ along most, a tree of boxes over the rotated rows of
 //! either side, and a search that gives up what is too far along these axes already. Memory is
-//! linear. Why no pair is lost, and when the work nears that of the double loop: docs/matching.md.
+//! linear. Why no pair is lost, and when the work nears that of the double loop:
+//! benches/record/matching.md.
 
 mod build;
 mod distinct;

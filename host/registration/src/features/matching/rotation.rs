@@ -61,8 +61,8 @@ impl Rotation {
     /// limit = ( (1 + 1e-5) √(d + tiny) + 2e-5 ρ )²      ρ = longest row
     /// ```
     ///
-    /// So no bound computed in `f32` is above its limit by rounding alone; docs/matching.md counts
-    /// the roundings.
+    /// So no bound computed in `f32` is above its limit by rounding alone;
+    /// benches/record/matching.md counts the roundings.
     #[inline(always)]
     pub(super) fn limit(&self, squared: f32) -> f32 {
         let distance = (squared + f32::MIN_POSITIVE).sqrt() * (1.0 + RELATIVE) + self.slack;
