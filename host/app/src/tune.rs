@@ -240,7 +240,6 @@ fn tune(
         ));
     }
     let ((tuned, judged), front) = outcome?;
-    journal.confirm()?;
     let result = RunResult { front, ..result(&prepared, &tuned, judged) };
     let result = RunResult { background: Some(background(&search, &tuned)), ..result };
     write_run(&folder, &prepared, &tuned, &result)?;
@@ -340,7 +339,6 @@ fn front(
     let each = of_front.registrations() / prepared.config.front.generations.max(1) as usize;
     progress.begin("front", of_front.registrations().saturating_sub(each * done.len()) as u64);
     let front = of_front.run(&mut journal, done, progress)?;
-    journal.confirm()?;
     Ok(Some(front))
 }
 

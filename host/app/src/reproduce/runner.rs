@@ -168,7 +168,6 @@ impl<'a> Runner<'a> {
         let tuned = search.run(&mut journal, done, &steps)?;
         let start = self.start_of(cell, &search)?;
         let after = search.judge(&tuned.parameters, &steps)?;
-        journal.confirm()?;
         let judged = Judged { plain: None, before: start, after: after.clone() };
         self.write(&run, prepared, &search, &tuned, judged)?;
         let made = (tuned.registrations + after.pairs).saturating_sub(before);

@@ -1230,26 +1230,6 @@ fn two_processes_never_write_one_run() {
     assert!(!fixture.path(&format!("{folder}/run.lock")).exists());
 }
 
-#[test]
-#[cfg(unix)]
-fn a_journal_that_vanishes_under_a_run_ends_it_and_is_kept() {
-    let fixture = Fixture::new();
-    fixture.succeed(&LONG);
-    let folder = "runs/0001-yard-icp-joint";
-    let [history, result] = ["history.jsonl", "result.json"].map(|name| format!("{folder}/{name}"));
-    let finished = fixture.bytes(&result);
-    fs::remove_dir_all(fixture.path("runs")).expect("removed");
-    let output = while_it_runs(&fixture, |_| {
-        fs::remove_file(fixture.path(&history)).expect("removed");
-    });
-    assert_eq!(output.code, Some(2), "{}", output.stderr);
-    assert!(output.stderr.contains("during the run; its lines are kept in"), "{}", output.stderr);
-    let kept = fixture.path(&format!("{history}.rescued"));
-    fs::rename(kept, fixture.path(&history)).expect("put back");
-    fixture.succeed(&["tune", "-q", "--resume", folder]);
-    assert!(fixture.bytes(&result) == finished);
-}
-
 /// The scene comes through a pipe, so that it is traced when the journal has gone. It comes once:
 /// the pairs of the check are of the same.
 #[test]

@@ -29,8 +29,7 @@ use crate::dataset::fingerprint::Content;
 use crate::evaluation::objective::PairError;
 use crate::parameters::{Parameters, Space, Values, written_values};
 use crate::run_folder::files::{
-    FileError, PART, begin_part, beside, file_error, is_at, open_own, replace, settle_part,
-    sync_folder_of,
+    FileError, PART, begin_part, beside, file_error, open_own, replace, settle_part, sync_folder_of,
 };
 
 /// First line: what the search was.
@@ -147,14 +146,6 @@ pub enum JournalError {
         /// How it differs.
         what: String,
     },
-    /// It is not the file any more that this search writes.
-    #[error("{}: somebody removed, replaced or changed it during the run; {kept}", path.display())]
-    Lost {
-        /// The journal.
-        path: PathBuf,
-        /// Where its lines are now.
-        kept: String,
-    },
 }
 
 /// An open journal.
@@ -245,37 +236,7 @@ impl Journal {
     ///
     /// [`JournalError`]; the lines before it stay whole.
     pub fn add(&mut self, generation: &Generation) -> Result<(), JournalError> {
-        self.confirm()?;
         self.write_line(generation)
-    }
-
-    /// Sees that the journal is where it was, as long as it was.
-    ///
-    /// # Errors
-    ///
-    /// [`JournalError::Lost`] says where its lines are now.
-    pub fn confirm(&mut self) -> Result<(), JournalError> {
-        let length = self.file.metadata().map_err(file_error("look at", &self.path))?.len();
-        if is_at(&self.file, &self.path) && length == self.length {
-            return Ok(());
-        }
-        let kept = match self.rescue() {
-            Ok(path) => format!(
-                "its lines are kept in {}: put that in its place and go on with `echoloop tune \
-                 --resume`",
-                path.display()
-            ),
-            Err(error) => format!("its lines could not be kept: {error}"),
-        };
-        Err(JournalError::Lost { path: self.path.clone(), kept })
-    }
-
-    /// Copies the file that is still open, though perhaps under no name, beside its place.
-    fn rescue(&mut self) -> io::Result<PathBuf> {
-        let mut lines = Vec::new();
-        self.file.rewind()?;
-        self.file.read_to_end(&mut lines)?;
-        copy_beside(&lines, &self.path, ".rescued")
     }
 
     fn write_line(&mut self, value: &impl Serialize) -> Result<(), JournalError> {
@@ -709,34 +670,6 @@ mod tests {
         let error = Journal::resume(&path, &header(), true).unwrap_err().to_string();
         for part in ["line 1 is of journal format 1", "begin anew with `echoloop tune --config`"] {
             assert!(error.contains(part), "{error}");
-        }
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn a_journal_that_is_removed_replaced_or_changed_under_a_run_is_noticed_and_kept() {
-        type Change = fn(&Path);
-        let changes: [Change; 3] = [
-            |path| fs::remove_file(path).unwrap(),
-            |path| {
-                fs::copy(path, path.with_extension("copy")).unwrap();
-                fs::rename(path.with_extension("copy"), path).unwrap();
-            },
-            |path| {
-                let mut file = OpenOptions::new().append(true).open(path).unwrap();
-                file.write_all(b"{}\n").unwrap();
-            },
-        ];
-        for change in changes {
-            let folder = tempfile::tempdir().unwrap();
-            let path = written(folder.path());
-            let (mut journal, _) = Journal::resume(&path, &header(), false).unwrap();
-            change(&path);
-            let error = journal.add(&generation(3)).unwrap_err();
-            assert!(matches!(error, JournalError::Lost { .. }), "{error}");
-            let kept = folder.path().join("history.jsonl.rescued");
-            assert!(error.to_string().contains("history.jsonl.rescued"), "{error}");
-            assert_eq!(Journal::resume(&kept, &header(), true).unwrap().1.len(), 3);
         }
     }
 
