@@ -75,7 +75,7 @@ mod tests;
 pub use auto::Auto;
 pub use config::{
     AutoConfig, ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig,
-    Kind, MacConfig, Method, MethodConfig, SETTINGS, Setting, setting,
+    MacConfig, Method, MethodConfig, SETTINGS, Setting, SettingKind, SettingKind as Kind, setting,
 };
 pub use covariance::Covariance;
 pub use echoloop_clouds as clouds;
