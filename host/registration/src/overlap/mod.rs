@@ -1,9 +1,8 @@
 //! Checking a motion on two scans: points that lie on each other, and points seen through.
 //!
 //! ```
-//! use echoloop_registration::Cloud;
 //! use echoloop_registration::overlap::Scene;
-//! use echoloop_registration::Pose;
+//! use echoloop_registration::{Cloud, Pose};
 //!
 //! let field = |x: f32, y: f32| [x, y, (0.7 * x).sin() + (0.5 * y + 0.2 * x).cos() - 3.0].into();
 //! let at = |i: i32| field((i % 100 - 50) as f32 * 0.2, (i / 100 - 50) as f32 * 0.2);
