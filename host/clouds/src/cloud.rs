@@ -10,8 +10,8 @@ pub struct Cloud {
     /// Normal of each point, `[n]`: of length 1, or zero where the surface has no direction. None
     /// until estimated.
     pub normals: Option<Vec<Vector3<f32>>>,
-    /// Standard deviation σ_R of each point's range, m, `[n]`: finite, 0 or more. None when the sensor
-    /// does not report it.
+    /// Standard deviation σ_R of each point's range, m, `[n]`: finite, 0 or more. None when the
+    /// sensor does not report it.
     pub range_sd_m: Option<Vec<f32>>,
 }
 

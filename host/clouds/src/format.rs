@@ -6,7 +6,7 @@ use echoloop_files::Column;
 use nalgebra::Point3;
 
 use crate::recorded::{Keep, Recorded};
-use crate::{Cloud, CloudError, pcd, ply, text, vtk};
+use crate::{Cloud, pcd, ply, text, vtk};
 
 /// A format that clouds are read from.
 pub(crate) struct Format {
@@ -129,31 +129,6 @@ fn alternatives(mut words: Vec<String>) -> String {
 
 fn points_alone(points: Vec<Point3<f32>>) -> Recorded {
     Recorded::of(Cloud::new(points))
-}
-
-/// Writes a cloud in the format that the file's extension names.
-///
-/// # Errors
-///
-/// [`CloudError::Output`] when the extension names no format, [`CloudError::Io`] when the file
-/// cannot be written.
-pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<(), CloudError> {
-    write(path, cloud, &[])
-}
-
-/// Writes a cloud and its columns in the format that the file's extension names.
-///
-/// # Errors
-///
-/// As for [`write_cloud`].
-pub fn write_recorded(path: &Path, recorded: &Recorded) -> Result<(), CloudError> {
-    write(path, &recorded.cloud, &recorded.columns)
-}
-
-fn write(path: &Path, cloud: &Cloud, columns: &[Column]) -> Result<(), CloudError> {
-    let format = CloudFormat::of(path).ok_or_else(|| CloudError::Output { path: path.into() })?;
-    std::fs::write(path, format.bytes(cloud, columns))
-        .map_err(|source| CloudError::Io { path: path.into(), source })
 }
 
 #[cfg(test)]

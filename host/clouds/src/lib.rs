@@ -55,14 +55,16 @@ mod read;
 mod recorded;
 mod text;
 mod vtk;
+mod write;
 
 pub use cloud::{Cloud, Dropped, is_finite};
 pub use echoloop_files::{Column, NumberType, attribute};
 pub use error::CloudError;
-pub use format::{CloudFormat, write_cloud, write_recorded};
+pub use format::CloudFormat;
 pub use pose::Pose;
 pub use read::{parse_cloud, parse_recorded, read_cloud, read_recorded};
 pub use recorded::Recorded;
+pub use write::{write_cloud, write_recorded};
 
 /// The examples of the README run as written there.
 #[cfg(doctest)]

@@ -1,5 +1,6 @@
-//! Every scale and several guesses; the scans themselves choose.
+//! Registration without an initial guess: candidates of several scales, checked on both scans.
 
+use echoloop_clouds::{Cloud, Pose};
 use rayon::prelude::*;
 
 use crate::global::matched;
@@ -8,8 +9,6 @@ use crate::{
     AutoConfig, ConfigError, FeatureConfig, Gicp, GicpConfig, Icp, IcpConfig, Mac, MacConfig,
     Outcome, Registration, Source, StopReason, Suggestions, Target,
 };
-use echoloop_clouds::Cloud;
-use echoloop_clouds::Pose;
 
 /// The voxels of the features, over the finest: what is described at 0.8 m is a door, at 2.5 m a
 /// house, and sparse scans know only houses.
@@ -25,30 +24,30 @@ const KEPT_SCORE: f64 = 0.95;
 /// Steps of a candidate's refinement.
 const REFINED_ITERATIONS: usize = 30;
 
-/// Registration that needs no luck: candidates from several scales, judged on the points of both
+/// Robust global registration: candidates from several scales, checked on the points of both
 /// scans.
 ///
-/// 1. Features of four voxels; of each the motions that most matches agree with
+/// 1. Features at four voxel sizes. For each, the motions that most matches agree with
 ///    ([`Mac::candidates`]), and the guess that was given.
-/// 2. What both scans say of each ([`Scene::overlap`]): the best are refined with ICP.
-/// 3. What they say of these: the best one wins, finished with GICP at the clouds' own voxel.
-/// 4. A motion that the scans do not bear out is [`StopReason::Unconfirmed`].
+/// 2. A score of each on both scans ([`Scene::overlap`]); the best are refined with ICP.
+/// 3. A score of the refined ones; GICP at the clouds' own voxel finishes the best.
+/// 4. A motion that the scans do not confirm is [`StopReason::Unconfirmed`].
 ///
-/// A consensus of matches is a guess of one scale, and its inliers only count what that scale
-/// described. The points of both scans are a second opinion, and one that knows of open space.
+/// Matches agree at one scale only, and their inliers count only what that scale
+/// described. The points of both scans are independent evidence, also of open space.
 #[derive(Clone, Debug)]
 pub struct Auto {
     config: AutoConfig,
 }
 
-/// A motion, and what the scans say of it.
+/// A motion, and its score on the scans.
 #[derive(Clone, Copy, Debug)]
 struct Candidate {
     target_from_source: Pose,
     overlap: Overlap,
 }
 
-/// Both scans as motions are judged and refined by.
+/// Both scans, prepared for scoring and refining motions.
 struct Bench {
     target: Scene,
     source: Scene,
@@ -102,7 +101,7 @@ fn best_of(mut candidates: Vec<Candidate>, most: usize) -> Vec<Candidate> {
     candidates
 }
 
-/// GICP at the clouds' own voxel, from a motion good to a part of `voxel_m`.
+/// GICP at the clouds' own voxel, from a motion whose error is a part of `voxel_m`.
 fn finish(
     target: &Cloud,
     source: &Cloud,
@@ -138,7 +137,7 @@ impl Bench {
         Candidate { target_from_source: *motion, overlap }
     }
 
-    /// Where ICP comes to from a candidate, even if it was still moving.
+    /// The motion that ICP reaches from a candidate, converged or not.
     fn refined(&self, start: &Pose) -> Pose {
         let (target, source) = &self.prepared;
         self.icp.align(target, source, start).target_from_source
@@ -154,7 +153,7 @@ impl Bench {
         Outcome {
             target_from_source: kept.target_from_source,
             overlap: Some(kept.overlap),
-            // That of the motion it was worked out for.
+            // The covariance belongs to the finished motion.
             covariance: finished.covariance.filter(|_| !fell),
             stop,
             ..finished

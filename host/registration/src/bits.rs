@@ -3,7 +3,7 @@
 /// Members to a word.
 pub(crate) const WORD: usize = u64::BITS as usize;
 
-/// The places of the ones of a word, ascending.
+/// Indices of the ones in a word, ascending.
 pub(crate) fn ones(mut word: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let bit = word.trailing_zeros() as usize;
@@ -20,7 +20,7 @@ pub(crate) fn members(words: &[u64]) -> impl Iterator<Item = usize> {
         .flat_map(|(index, &word)| ones(word).map(move |bit| index * WORD + bit))
 }
 
-/// How many members a set has.
+/// Count of the members of a set.
 pub(crate) fn count(words: &[u64]) -> usize {
     words.iter().map(|word| word.count_ones() as usize).sum()
 }

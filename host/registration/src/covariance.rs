@@ -1,8 +1,7 @@
-//! How far off a motion may be, in which direction.
-
-use nalgebra::{Matrix6, Vector6};
+//! Covariance of a motion.
 
 use echoloop_clouds::Pose;
+use nalgebra::{Matrix6, Vector6};
 
 /// Covariance of the error of a motion `target_from_source`: turns in rad, shifts in m.
 ///
@@ -15,7 +14,7 @@ use echoloop_clouds::Pose;
 /// programs have it the other way round (GTSAM's `Pose3` has the turn first, ROS the shift), or in
 /// the source's frame: `C_source = Ad⁻¹ C Ad⁻ᵀ` with the estimate's adjoint.
 ///
-/// What local methods compute it from, and how well it holds: benches/record/registration.md.
+/// Its computation, and measurements of how well it holds: benches/record/registration.md.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Covariance(pub Matrix6<f64>);
 

@@ -2,12 +2,12 @@
 
 mod plane_to_plane;
 
+use echoloop_clouds::{Cloud, Pose};
+
 use self::plane_to_plane::PlaneToPlane;
 use super::icp::descent::Descent;
 use super::icp::pairing::Moving;
 use super::{ConfigError, GicpConfig, IcpConfig, Outcome, Registration, Target};
-use echoloop_clouds::Cloud;
-use echoloop_clouds::Pose;
 
 /// Generalised ICP (Segal, Haehnel and Thrun, "Generalized-ICP", RSS 2009): both clouds are
 /// surfaces, and a pair weighs by the uncertainty of its two planes.
@@ -38,7 +38,7 @@ impl Gicp {
         &self.config
     }
 
-    /// Finds the motion that lays `source` on `target`, both prepared with these settings, from
+    /// Finds the motion that brings `source` onto `target`, both prepared with these settings, from
     /// `initial`. The source of one pair can be the target of the next as it is.
     ///
     /// With too few pairs the outcome carries `initial`; with a direction left open it moves in the

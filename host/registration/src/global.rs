@@ -1,8 +1,9 @@
-//! What every global method starts from: the matches of two clouds.
+//! Matches of the features of two clouds, the start of every global method.
+
+use echoloop_clouds::Cloud;
 
 use super::features::{Described, PointPair, matching, pairs};
 use super::{FeatureConfig, StopReason};
-use echoloop_clouds::Cloud;
 
 /// Thins and describes the target and the source.
 ///

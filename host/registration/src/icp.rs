@@ -11,12 +11,12 @@ pub(super) mod pairs;
 pub(super) mod step;
 pub(super) mod uncertainty;
 
+use echoloop_clouds::{Cloud, Pose};
+
 use self::descent::Descent;
 use self::pairing::Moving;
 use super::normal_equations::NormalEquations;
 use super::{ConfigError, IcpConfig, Outcome, Registration, Source, Target};
-use echoloop_clouds::Cloud;
-use echoloop_clouds::Pose;
 
 /// Point-to-plane ICP: pair each point with the nearest, step to the least squares, repeat.
 ///
@@ -29,9 +29,7 @@ use echoloop_clouds::Pose;
 /// many sources:
 ///
 /// ```
-/// use echoloop_registration::cloud::Cloud;
-/// use echoloop_registration::pose::Pose;
-/// use echoloop_registration::{Icp, IcpConfig, Source, Target};
+/// use echoloop_registration::{Cloud, Icp, IcpConfig, Pose, Source, Target};
 ///
 /// let field = |x: f32, y: f32| [x, y, (0.7 * x).sin() + (0.5 * y + 0.2 * x).cos() - 3.0].into();
 /// let at = |i: i32| field((i % 100) as f32 * 0.2, (i / 100) as f32 * 0.2);
@@ -65,7 +63,7 @@ impl Icp {
         &self.config
     }
 
-    /// Finds the motion that lays `source` on `target`, both prepared with these settings, from
+    /// Finds the motion that brings `source` onto `target`, both prepared with these settings, from
     /// `initial`.
     ///
     /// Points whose nearest has no normal form no pair. With too few pairs the outcome carries

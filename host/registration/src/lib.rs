@@ -1,13 +1,12 @@
-//! Registration: the rigid motion that lays one cloud on another.
+//! Point-cloud registration: the rigid motion that brings one LiDAR scan onto another.
 //!
 //! Read two clouds, choose settings that fit them, register, print the motion:
 //!
 //! ```
-//! use echoloop_registration::cloud::read_cloud;
-//! use echoloop_registration::pose::Pose;
-//! use echoloop_registration::{Icp, Registration, suggest};
+//! use echoloop_registration::clouds::read_cloud;
+//! use echoloop_registration::{Icp, Pose, Registration, suggest};
 //!
-//! # use echoloop_registration::cloud::{Cloud, write_cloud};
+//! # use echoloop_registration::clouds::{Cloud, write_cloud};
 //! # let folder = tempfile::tempdir()?;
 //! # let path = |name: &str| folder.path().join(name);
 //! # let field = |x: f32, y: f32| [x, y, (0.7 * x).sin() + (0.5 * y + 0.2 * x).cos() - 3.0].into();
@@ -30,19 +29,20 @@
 //!
 //! | to | take |
 //! |---|---|
-//! | register two scans that nearly lie on each other | [`Icp`], [`Gicp`] |
-//! | find a motion from nowhere | [`Auto`]; of one scale and guess [`Fgr`], [`Mac`] |
-//! | do both, one after the other | [`Refined`], or [`build`] from settings |
-//! | ask the scans themselves whether a motion is right | [`overlap`] |
+//! | register two scans from a good initial guess | [`Icp`], [`Gicp`] |
+//! | register without an initial guess | [`Auto`]; by features of one scale [`Fgr`], [`Mac`] |
+//! | refine the motion of one method by another | [`Refined`], or [`build`] from settings |
+//! | check a motion on the scans themselves | [`overlap`] |
 //! | choose settings for two clouds | [`suggest`](mod@suggest) |
-//! | read, thin and describe clouds | [`cloud`], [`features`] |
-//! | measure an estimate against the truth | [`pose`] |
+//! | thin clouds, estimate normals, search neighbours | [`geometry`] |
+//! | describe and match points | [`features`] |
+//! | read and write clouds, compare poses | [`clouds`], which is `echoloop-clouds` |
 //! | add a method | the trait [`Registration`] |
 //!
-//! Lengths are metres, angles radians unless a name says degrees. A cloud's sensor is at its
-//! origin. A motion is called `target_from_source`: what it maps to, from what. Equations and
-//! sections without another name are those of "End-to-End LiDAR optimization for 3D point cloud
-//! registration" (BMVC 2025).
+//! Lengths are metres; angles are radians, unless a name says degrees. The sensor of a cloud is at
+//! its origin. A motion is called by what it maps: `target_from_source`. "Eq." and "Sec." are those
+//! of "End-to-End LiDAR optimization for 3D point cloud registration" (BMVC 2025), unless another
+//! source is named.
 
 mod auto;
 mod bits;
@@ -75,7 +75,7 @@ mod tests;
 pub use auto::Auto;
 pub use config::{
     AutoConfig, ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig,
-    Kind, MacConfig, Method, MethodConfig, SETTINGS, Setting, setting,
+    MacConfig, Method, MethodConfig, SETTINGS, Setting, SettingKind, SettingKind as Kind, setting,
 };
 pub use covariance::Covariance;
 pub use echoloop_clouds as clouds;
@@ -95,7 +95,7 @@ pub use suggest::{
     Suggestions, suggest, suggest_features, suggest_gicp, suggest_method, suggest_refinement,
 };
 
-/// The README's example runs as written there.
+/// The example of the README runs as written there.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;

@@ -1,10 +1,24 @@
-//! Any method, from its settings.
+//! Building any method from its settings.
 
+use crate::config::with_methods;
 use crate::{
     Auto, ConfigError, Fgr, Gicp, Icp, IcpConfig, Mac, MethodConfig, Refined, Registration,
 };
 
-/// A method with its settings, ready to run; ICP with those of `refinement` goes on from its end.
+macro_rules! declare {
+    ($($method:ident $config:ident $name:literal $searched:ident $help:literal;)+) => {
+        fn alone(method: &MethodConfig) -> Result<Box<dyn Registration>, ConfigError> {
+            Ok(match method {
+                $(MethodConfig::$method(config) => Box::new($method::new(*config)?),)+
+            })
+        }
+    };
+}
+
+with_methods!(declare);
+
+/// The method of these settings, ready to run. With settings of a `refinement`, ICP goes on from
+/// the motion it finds.
 ///
 /// # Errors
 ///
@@ -13,13 +27,7 @@ pub fn build(
     method: &MethodConfig,
     refinement: Option<IcpConfig>,
 ) -> Result<Box<dyn Registration>, ConfigError> {
-    let global: Box<dyn Registration> = match method {
-        MethodConfig::Icp(config) => Box::new(Icp::new(*config)?),
-        MethodConfig::Gicp(config) => Box::new(Gicp::new(*config)?),
-        MethodConfig::Fgr(config) => Box::new(Fgr::new(*config)?),
-        MethodConfig::Mac(config) => Box::new(Mac::new(*config)?),
-        MethodConfig::Auto(config) => Box::new(Auto::new(*config)?),
-    };
+    let global = alone(method)?;
     Ok(match refinement {
         Some(config) => Box::new(Refined { global, local: Icp::new(config)? }),
         None => global,

@@ -37,9 +37,9 @@ pub struct NormalEquations {
     pub(super) rr: f64,
     /// Σ |s - q|², m².
     pub(super) dd: f64,
-    /// What the pairs weigh together: their number in a least squares.
+    /// Sum of the weights of the pairs: their count in plain least squares.
     pub(super) weight: f64,
-    /// How many pairs.
+    /// Count of the pairs.
     pub pairs: usize,
 }
 
@@ -240,7 +240,7 @@ impl RowSums {
     }
 }
 
-/// What describes the pairs apart from their directions, four at a time.
+/// Sums over the pairs that do not depend on their directions, four pairs at a time.
 #[derive(Default)]
 pub(super) struct MomentSums {
     s: [Lane; 3],
@@ -340,7 +340,7 @@ mod tests {
         sums_of(pairs(), motion)
     }
 
-    /// What Open3D calls the RMSE from point to plane: √(Σ ((s - q)_k n_k)² / pairs) over the
+    /// Open3D's point-to-plane RMSE: √(Σ ((s - q)_k n_k)² / pairs) over the
     /// components k, not the scalar n · (s - q).
     fn component_wise_rmse_m(pairs: &[Pair], motion: &Pose) -> f64 {
         let parts = pairs.iter().map(|(s, q, n)| (motion * s - q).component_mul(n).norm_squared());

@@ -1,4 +1,4 @@
-//! Which motions a set of pairs determines.
+//! Observability: the motions that a set of pairs determines.
 
 use nalgebra::{Matrix6, Vector6};
 
@@ -16,17 +16,17 @@ use nalgebra::{Matrix6, Vector6};
 /// scaling is ours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observability {
-    /// Ascending.
+    /// Eigenvalues, ascending.
     pub information: [f64; 6],
-    /// One a column, in the order of `information`: turns about x y z (times `L`), then shifts
-    /// along x y z.
+    /// Directions as columns, in the order of `information`: turns about x y z (times `L`), then
+    /// shifts along x y z.
     pub directions: Matrix6<f64>,
-    /// How many of them, from the first, are below the threshold: motions the pairs leave open.
+    /// Count of the first ones below the threshold: motions that the pairs leave open.
     pub unobservable: usize,
 }
 
 impl Observability {
-    /// From an information matrix scaled as above.
+    /// The observability of an information matrix scaled as above.
     pub(super) fn from_information(information: &Matrix6<f64>, least: f64) -> Self {
         let eigen = information.symmetric_eigen();
         let mut order = [0, 1, 2, 3, 4, 5];
@@ -44,7 +44,7 @@ impl Observability {
         }
     }
 
-    /// Whether a direction is left open.
+    /// True when a direction is left open.
     pub fn is_degenerate(&self) -> bool {
         self.unobservable > 0
     }

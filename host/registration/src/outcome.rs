@@ -1,13 +1,14 @@
-//! What a registration found, how good it is, and why it ended.
+//! The outcome of a registration: motion, quality, and reason of its end.
+
+use echoloop_clouds::Pose;
 
 use crate::overlap::Overlap;
 use crate::{Covariance, Observability, PrepareError};
-use echoloop_clouds::Pose;
 
-/// What a registration found, and how good it is.
+/// The outcome of a registration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
-    /// The motion; the initial guess where nothing was found.
+    /// The motion; the initial guess if nothing was found.
     pub target_from_source: Pose,
     /// Why it ended.
     pub stop: StopReason,
@@ -15,35 +16,35 @@ pub struct Outcome {
     pub iterations: usize,
     /// Pairs in the last step; of a global method, the matches that agree with the motion.
     pub pairs: usize,
-    /// Those over the points of the thinned source (of a global method: over its matches), 0 to 1.
+    /// Share of the thinned source points, or of a global method's matches, in those pairs, 0 to 1.
     pub inlier_fraction: f64,
     /// Root mean square distance of those pairs, m: Open3D's inlier RMSE.
     pub rmse_m: f64,
-    /// The same from point to plane, m.
+    /// Root mean square distance from point to plane, m.
     pub plane_rmse_m: f64,
-    /// Which motions the pairs of the last step determine; absent when there was none.
+    /// Motions that the pairs of the last step determine; None without a step.
     pub observability: Option<Observability>,
-    /// How far off the motion may be. Absent where no pairs were found, and of global methods: a
+    /// Covariance of the motion. None if no pairs were found, and for global methods: a
     /// local one after them has it.
     pub covariance: Option<Covariance>,
-    /// What speaks for the motion that a global method found; absent for local ones.
+    /// Agreement of the matches of a global method; None for local methods.
     pub consensus: Option<Consensus>,
-    /// What the points of both clouds say of the motion; absent where nobody asked them.
+    /// Evidence of both clouds for the motion; None when not checked.
     pub overlap: Option<Overlap>,
 }
 
-/// How far the matches of a global method agree.
+/// Agreement of the matches of a global method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Consensus {
     /// Mutual matches of features, before any was left out.
     pub matches: usize,
-    /// Those that were searched: fewer where some are not finite, or where all would take too much
+    /// Matches searched: fewer if some are not finite, or if all would take too much
     /// time and memory.
     pub searched: usize,
-    /// Those of all that the motion lays within the pair distance of each other.
+    /// Matches whose points the motion brings within the pair distance.
     pub inliers: usize,
     /// The best score over that of the best motion that is clearly another, 1 or more: near 1, the
-    /// scene repeats itself. Absent where the method follows one motion only, or found no other.
+    /// scene repeats itself. None if the method follows only one motion, or found no other.
     pub margin: Option<f64>,
 }
 
@@ -70,7 +71,7 @@ pub enum StopReason {
     /// No more matches agree than would by chance: the motion is the best one found, and not to be
     /// trusted.
     NoConsensus,
-    /// The clouds do not bear the motion out: too little of one lies on the other, or stands where
+    /// The clouds do not confirm the motion: too little of one lies on the other, or stands where
     /// the other's sensor saw the open. See [`Overlap::confirms`].
     Unconfirmed,
     /// The pairs leave a direction open; along it the initial guess stands.
@@ -82,7 +83,7 @@ pub enum StopReason {
 }
 
 impl StopReason {
-    /// Whether the pose can be trusted as far as the method can tell.
+    /// True when the pose can be trusted, as far as the method knows.
     pub fn is_success(self) -> bool {
         self == Self::Converged
     }
@@ -123,7 +124,7 @@ impl std::fmt::Display for StopReason {
 }
 
 impl Outcome {
-    /// Nothing found: the initial guess and the reason.
+    /// The outcome when nothing was found: the initial guess and the reason.
     pub fn nothing(initial: &Pose, stop: StopReason) -> Self {
         Self {
             target_from_source: *initial,
@@ -140,7 +141,7 @@ impl Outcome {
         }
     }
 
-    /// Nothing found, since a cloud could not be prepared. An empty one is named first.
+    /// The outcome when a cloud could not be prepared. An empty cloud is reported first.
     pub(crate) fn unprepared(
         initial: &Pose,
         errors: impl IntoIterator<Item = PrepareError>,

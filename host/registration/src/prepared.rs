@@ -1,5 +1,6 @@
-//! What registration needs of a cloud, worked out once.
+//! Clouds prepared for registration: thinned, with normals and a tree.
 
+use echoloop_clouds::Cloud;
 use nalgebra::{Point3, Vector3};
 
 use super::{Convention, GicpConfig, IcpConfig};
@@ -7,7 +8,6 @@ use crate::geometry::box_tree::{self, BoxTree};
 use crate::geometry::quantile::quantile;
 use crate::geometry::voxel::VoxelError;
 use crate::geometry::{normals, voxel};
-use echoloop_clouds::Cloud;
 
 /// Why a cloud cannot be prepared.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -20,16 +20,16 @@ pub enum PrepareError {
     Voxel(#[from] VoxelError),
 }
 
-/// How a cloud is thinned, and how its normals are estimated.
+/// Settings of voxels and normals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
     /// Edge of the voxels, m.
     pub voxel_m: f64,
-    /// Neighbours within this make a normal, m.
+    /// Radius of the neighbourhood of a normal, m.
     pub normal_radius_m: f64,
-    /// At most so many neighbours, the point included.
+    /// Most neighbours of a normal, the point included.
     pub normal_neighbours: usize,
-    /// Whether the points to be moved have normals, too.
+    /// True when the source needs normals, too.
     pub source_normals: bool,
 }
 
@@ -54,7 +54,7 @@ impl From<&GicpConfig> for Surface {
 #[derive(Clone, Debug)]
 pub struct Target {
     pub(super) tree: BoxTree,
-    /// One a point of the tree; zero where there is none.
+    /// Normal of each point of the tree; zero where the surface has no direction.
     pub(super) normals: Vec<Vector3<f32>>,
     pub(super) noise: RangeNoise,
 }
@@ -74,12 +74,12 @@ impl Target {
         Ok(Self { tree, normals, noise })
     }
 
-    /// How many points are left.
+    /// Count of the points left.
     pub fn len(&self) -> usize {
         self.tree.points().len()
     }
 
-    /// Whether none is left; [`Target::prepare`] never returns such a one.
+    /// True without points, which [`Target::prepare`] never returns.
     pub fn is_empty(&self) -> bool {
         self.tree.points().is_empty()
     }
@@ -89,7 +89,7 @@ impl Target {
 #[derive(Clone, Debug)]
 pub struct Source {
     pub(super) points: Vec<Point3<f32>>,
-    /// One a point, zero where there is none; or none at all.
+    /// Normal of each point, zero where the surface has no direction; empty when not needed.
     pub(super) normals: Vec<Vector3<f32>>,
     pub(super) noise: RangeNoise,
 }
@@ -115,23 +115,23 @@ impl Source {
         self.points.len()
     }
 
-    /// Whether none is left; [`Source::prepare`] never returns such a one.
+    /// True without points, which [`Source::prepare`] never returns.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 }
 
-/// What the error of each point's range adds to its distance from a plane.
+/// Variance of each point's distance from a plane due to the error of its range.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RangeNoise {
-    /// Variance along the point's own normal, m²; none at all where the sensor tells nothing.
+    /// Variance along the point's own normal, m²; empty when the sensor reports no σ_R.
     pub(super) variances_m2: Vec<f32>,
     /// Their median, m², as the residuals' scale is a median.
     pub(super) median_m2: f64,
 }
 
 impl RangeNoise {
-    /// Of points in the frame of the sensor, which is at the origin: `(σ_R cos θ)²`, θ between
+    /// Noise of points in the frame of their sensor: `(σ_R cos θ)²`, θ between
     /// beam and normal.
     fn of(points: &[Point3<f32>], normals: &[Vector3<f32>], range_sd_m: Option<&[f32]>) -> Self {
         let along = |((point, normal), sd): ((&Point3<f32>, &Vector3<f32>), &f32)| {

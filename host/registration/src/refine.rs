@@ -1,8 +1,8 @@
 //! A global method, refined by a local one.
 
+use echoloop_clouds::{Cloud, Pose};
+
 use super::{Outcome, Registration, StopReason};
-use echoloop_clouds::Cloud;
-use echoloop_clouds::Pose;
 
 /// Runs a global method, then a local one from the motion it found.
 ///
@@ -22,9 +22,9 @@ use echoloop_clouds::Pose;
 /// whether that is the place.
 #[derive(Clone, Debug)]
 pub struct Refined<G, L> {
-    /// Where it is.
+    /// The global method.
     pub global: G,
-    /// Exactly where.
+    /// The local method.
     pub local: L,
 }
 
@@ -39,7 +39,7 @@ impl<G: Registration, L: Registration> Registration for Refined<G, L> {
     }
 }
 
-/// Whether the motion is only the one it started from.
+/// True when the motion is only the initial one.
 fn found_nothing(stop: StopReason) -> bool {
     use StopReason::{BadSettings, EmptyCloud, TooFewMatches, TooFewPairs};
     matches!(stop, EmptyCloud | BadSettings | TooFewMatches | TooFewPairs)

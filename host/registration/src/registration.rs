@@ -1,14 +1,14 @@
-//! What every method is: two clouds and a start in, an outcome out.
+//! The trait of all methods: two clouds and an initial guess in, an outcome out.
+
+use echoloop_clouds::{Cloud, Pose};
 
 use crate::Outcome;
-use echoloop_clouds::Cloud;
-use echoloop_clouds::Pose;
 
-/// Finds the motion that lays `source` on `target`: `f_reg` of Eq. 2.
+/// A registration method: finds the motion that brings `source` onto `target`, `f_reg` of Eq. 2.
 pub trait Registration: Send + Sync {
-    /// Never fails: a poor match is an [`Outcome`] that says why it stopped. Both clouds are in the
-    /// frames of their sensors. `initial` is where to start, `target_from_source`; methods that
-    /// search the whole space ignore it.
+    /// Registers two clouds, each in the frame of its sensor. Never fails: a poor match is an
+    /// [`Outcome`] with the reason of its end. `initial` is the initial guess of
+    /// `target_from_source`, which global methods ignore.
     fn register(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Outcome;
 }
 

@@ -1,11 +1,11 @@
-//! The rigid motion that lays weighted pairs of points on each other best.
+//! The rigid motion of least squares between weighted pairs of points.
 
+use echoloop_clouds::Pose;
 use nalgebra::{Matrix3, Matrix4, Quaternion, UnitQuaternion, Vector3, Vector4};
 
 use super::features::PointPair;
-use echoloop_clouds::Pose;
 
-/// Pairs determine a motion when there are so many that no two coincide and not all lie on a line.
+/// Least count of pairs that determine a motion, if they neither coincide nor lie on a line.
 const LEAST_PAIRS: usize = 3;
 
 /// Points on a line leave the turn about it open: the gap of the eigenvalues, over the largest, is

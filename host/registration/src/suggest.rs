@@ -1,7 +1,8 @@
-//! Settings that fit the clouds at hand.
+//! Suggested settings for two clouds.
 
 use std::cell::OnceCell;
 
+use echoloop_clouds::{Cloud, is_finite};
 use nalgebra::Point3;
 
 use super::{
@@ -11,38 +12,38 @@ use super::{
 use crate::geometry::kdtree::KdTree;
 use crate::geometry::quantile::quantile;
 use crate::geometry::voxel;
-use echoloop_clouds::{Cloud, is_finite};
 
 /// Voxels across the radius of a cloud.
 const VOXELS_A_RADIUS: f64 = 80.0;
 
-/// The voxel of features, m. What tells places apart, corners and trunks, is as large in a wide
+/// Voxel of features, m. Distinctive shapes, such as corners and trunks, are as large in a wide
 /// scene as in a narrow one.
 const FEATURE_VOXEL_M: f64 = 1.2;
 
-/// In a cloud smaller than this the features' scales shrink with it, m: a room has no houses.
+/// Radius of a cloud, m, below which the scales of features shrink with it: a room has no houses.
 const SMALL_RADIUS_M: f64 = 8.0;
 
-/// Features of more points than this cost more than they tell.
+/// Most points with features: more cost time and gain nothing.
 const MOST_POINTS: usize = 30_000;
 
-/// Half of the points want this many neighbours, the point included, within the normals' radius.
+/// Half of the points should have this many neighbours, themselves included, within the normals'
+/// radius.
 const NORMAL_FILLED: usize = 8;
 
-/// Three quarters of the points want this many within the features' radius.
+/// Three quarters of the points should have this many within the features' radius.
 const FEATURE_FILLED: usize = 15;
 
-/// A voxel grows by this in a round at most: coarser voxels leave fewer neighbours.
+/// Largest growth of a voxel in a round. Coarser voxels leave fewer neighbours.
 const GROWTH: f64 = 1.25;
 
-/// Rounds of growth at most: some twice the voxel. Points crowd at a sensor's foot, and no voxel
+/// Most rounds of growth, to about twice the voxel. Points crowd near a sensor, and no voxel
 /// makes the far ones as dense.
 const ROUNDS: usize = 3;
 
-/// How many points of a cloud are asked for their neighbours.
+/// Sample of the points whose neighbours are looked up.
 const SAMPLES: usize = 500;
 
-/// What fits two clouds; how large they are is worked out once for all that is asked.
+/// Settings that fit two clouds. The size of the clouds is computed once for all suggestions.
 #[derive(Clone, Debug)]
 pub struct Suggestions<'a> {
     target: &'a Cloud,
@@ -51,7 +52,7 @@ pub struct Suggestions<'a> {
 }
 
 impl<'a> Suggestions<'a> {
-    /// For these clouds.
+    /// Suggestions for these clouds.
     pub fn new(target: &'a Cloud, source: &'a Cloud) -> Self {
         Self { target, source, radius_m: OnceCell::new() }
     }
@@ -100,7 +101,7 @@ impl<'a> Suggestions<'a> {
         IcpConfig { first_pair_distance_m: Some(first_m), ..config }
     }
 
-    /// To what clouds are thinned when they are asked about a motion, m: that of [`crate::Auto`].
+    /// Voxel of the clouds for checking a motion, m: that of [`crate::Auto`].
     pub fn scene_voxel_m(&self) -> f64 {
         self.auto(None).voxel_m
     }
@@ -121,18 +122,18 @@ impl<'a> Suggestions<'a> {
         IcpConfig { first_pair_distance_m: Some(first_m), ..config }
     }
 
-    /// 1 outdoors; in a cloud smaller than [`SMALL_RADIUS_M`] what is left of lengths for there.
+    /// Factor of lengths: 1 outdoors, less in a cloud smaller than [`SMALL_RADIUS_M`].
     fn share_of_scene(&self) -> f64 {
         (self.radius_m() / SMALL_RADIUS_M).min(1.0)
     }
 
-    /// Of the larger cloud: see [`suggest()`].
+    /// Radius of the larger cloud: see [`suggest()`].
     fn radius_m(&self) -> f64 {
         *self.radius_m.get_or_init(|| radius_m(self.target).max(radius_m(self.source)))
     }
 }
 
-/// Settings for `register` when its user gives none: scaled to the clouds, coarse to fine.
+/// Suggests settings of ICP, scaled to the clouds, coarse to fine.
 ///
 /// The radius of a cloud is that of the ball around its median point that holds 9 of 10 points; of
 /// two clouds, the larger. On four outdoor pairs (radii 10 to 37 m, motions up to 3.4 m and 10°)
@@ -150,10 +151,10 @@ pub fn suggest(target: &Cloud, source: &Cloud) -> IcpConfig {
     Suggestions::new(target, source).icp()
 }
 
-/// Settings of any method for these clouds. With a voxel of one's own, the lengths that go with it
+/// Suggests settings of any method. If a voxel is given, the lengths that depend on it
 /// follow it.
 ///
-/// Open3D's way of FGR gets its own example's radii and distance.
+/// FGR in Open3D's way gets the radii and the distance of Open3D's example.
 pub fn suggest_method(
     method: Method,
     mode: FgrMode,
@@ -164,19 +165,19 @@ pub fn suggest_method(
     Suggestions::new(target, source).method(method, mode, voxel_m)
 }
 
-/// As [`suggest()`], for generalised ICP: the same lengths, and the rest of its own defaults.
+/// Suggests settings of generalised ICP: the lengths of [`suggest()`], and its own defaults.
 pub fn suggest_gicp(target: &Cloud, source: &Cloud) -> GicpConfig {
     GicpConfig::from(&suggest(target, source))
 }
 
-/// Settings that finish what a global method found with a voxel of `global_voxel_m`: the voxel is
-/// that of [`suggest()`]; the first pairs are as far apart as the global method may be off, two of
-/// its voxels, or four of ours.
+/// Suggests settings that refine the motion of a global method with voxel `global_voxel_m`. The
+/// voxel is that of [`suggest()`]; the first pairs are as far apart as the global method may be
+/// off, two of its voxels, or four of ours.
 pub fn suggest_refinement(target: &Cloud, source: &Cloud, global_voxel_m: f64) -> IcpConfig {
     Suggestions::new(target, source).refinement(global_voxel_m)
 }
 
-/// Settings of features that fit both clouds.
+/// Suggests settings of features for both clouds.
 ///
 /// ```text
 /// voxel = 1.2 m · min(1, radius / 8 m)      of the larger cloud
@@ -185,15 +186,15 @@ pub fn suggest_refinement(target: &Cloud, source: &Cloud, global_voxel_m: f64) -
 /// It is enlarged, to its double at most, where points lie so far apart that fewer than half of
 /// them have 8 neighbours within the normals' radius of three voxels, or fewer than three quarters
 /// 15 within the features' of five; and where more than 30,000 points would be left. On the hard
-/// pairs (benches/record/registration.md) FGR finds as many so as with the best voxel of 0.3, 0.5,
-/// 0.8 and 1.2 m in every kind of place, at every distance, in dense scans and in sparse ones; with
-/// 0.3 to 0.7 m, which the radius once asked for, it found 62 % instead of 75 %. The motion is the
-/// rougher the larger the voxel is: refine it.
+/// pairs (benches/record/registration.md) FGR then finds as many as with the best voxel of 0.3, 0.5, 0.8 and
+/// 1.2 m in every kind of place, at every distance, in dense scans and in sparse ones; with 0.3 to
+/// 0.7 m, which the radius once asked for, it found 62 % instead of 75 %. The motion is the rougher
+/// the larger the voxel is: refine it.
 pub fn suggest_features(target: &Cloud, source: &Cloud) -> FeatureConfig {
     Suggestions::new(target, source).features()
 }
 
-/// The voxel, or the larger one that leaves few enough points with neighbours enough; as it came if
+/// The voxel, or a larger one that leaves few enough points with enough neighbours; unchanged if
 /// the cloud cannot be thinned.
 fn widened(cloud: &Cloud, mut voxel_m: f64) -> f64 {
     for _ in 0..ROUNDS {
@@ -214,7 +215,7 @@ fn widened(cloud: &Cloud, mut voxel_m: f64) -> f64 {
     voxel_m
 }
 
-/// The voxel whose radii, the normals' and the features', hold neighbours enough; 0 where there are
+/// The voxel at which the radii of normals and features hold enough neighbours; 0 if there are
 /// too few points.
 fn filling_voxel_m(thinned: &Cloud) -> f64 {
     let tree = KdTree::new(&thinned.points);
@@ -233,7 +234,7 @@ fn filling_voxel_m(thinned: &Cloud) -> f64 {
     normal_m.max(feature_m)
 }
 
-/// Of the ball around the median point that holds 9 of 10 points; 0 for a cloud without points.
+/// Radius of the ball around the median point that holds 9 of 10 points; 0 without points.
 fn radius_m(cloud: &Cloud) -> f64 {
     let echoes: Vec<&Point3<f32>> =
         cloud.points.iter().filter(|p| is_finite(p) && p.coords.norm() > 0.0).collect();

@@ -1,5 +1,6 @@
 //! Registration recovers known motions, and says why when it cannot.
 
+use echoloop_clouds::{Cloud, read_cloud};
 use nalgebra::{Point3, Vector3};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng, seq::SliceRandom};
@@ -10,7 +11,6 @@ use super::*;
 use echoloop_clouds::pose::{
     Pose, read_pose, relative, rotation_error_deg, to_rows, translation_error_m,
 };
-use echoloop_clouds::{Cloud, read_cloud};
 
 fn pose(shift: [f64; 3], turn: [f64; 3]) -> Pose {
     Pose::new(shift.into(), turn.into())

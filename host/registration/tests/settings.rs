@@ -10,7 +10,7 @@ const BEGIN: &str = "<!-- written by `cargo test -p echoloop-registration --test
     ECHOLOOP_WRITE_DOCS=1 -->\n";
 const END: &str = "<!-- end of the settings -->\n";
 
-/// Every setting: what it is.
+/// Meanings of all settings.
 fn meanings() -> String {
     let mut text = String::from("| setting | what it is |\n|---|---|\n");
     for setting in SETTINGS {
@@ -19,10 +19,11 @@ fn meanings() -> String {
     text
 }
 
-/// Every setting: its default in each method, what it must be.
+/// Defaults of all settings in each method, and their bounds.
 fn settings() -> String {
-    let mut text = String::from("| setting | unit | icp | gicp | fgr | mac | must be |\n");
-    text += "|---|---|---|---|---|---|---|\n";
+    let names = Method::ALL.map(Method::name);
+    let mut text = format!("| setting | unit | {} | bounds |\n", names.join(" | "));
+    let _ = writeln!(text, "|---|---|{}---|", "---|".repeat(names.len()));
     for setting in SETTINGS {
         let defaults = Method::ALL.map(|method| default(setting, method)).join(" | ");
         let (key, unit) = (setting.key, setting.unit);
@@ -40,7 +41,7 @@ fn default(setting: &Setting, method: Method) -> String {
     }
 }
 
-/// Every axis of a search.
+/// All axes of a search.
 fn axes() -> String {
     let mut text = String::from("| axis | symbol | method | `outdoor` | `paper` | starts at |\n");
     text += "|---|---|---|---|---|---|\n";

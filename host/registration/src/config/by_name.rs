@@ -1,46 +1,70 @@
-//! The settings of any method, by name.
+//! Settings of any method, read and written by name.
 
 use super::error::ConfigError;
-use super::method::Method;
+use super::method::{Method, with_methods};
+use super::mode::FgrMode;
 use super::setting::{Setting, SettingField, Use};
 use super::table::{AutoConfig, FgrConfig, GicpConfig, IcpConfig, MacConfig, SETTINGS, setting};
 
-/// The settings of one method.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum MethodConfig {
-    /// Of [`crate::Icp`].
-    Icp(IcpConfig),
-    /// Of [`crate::Gicp`].
-    Gicp(GicpConfig),
-    /// Of [`crate::Fgr`].
-    Fgr(FgrConfig),
-    /// Of [`crate::Mac`].
-    Mac(MacConfig),
-    /// Of [`crate::Auto`].
-    Auto(AutoConfig),
+macro_rules! declare {
+    ($($method:ident $config:ident $name:literal $searched:ident $help:literal;)+) => {
+        /// The settings of one method.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub enum MethodConfig {
+            $(
+                #[doc = concat!("Settings of [`crate::", stringify!($method), "`].")]
+                $method($config),
+            )+
+        }
+
+        impl MethodConfig {
+            /// The defaults of a method, for outdoor scans some tens of metres wide.
+            pub fn outdoor(method: Method) -> Self {
+                match method {
+                    $(Method::$method => Self::$method($config::outdoor()),)+
+                }
+            }
+
+            /// The method of these settings.
+            pub fn method(&self) -> Method {
+                match self {
+                    $(Self::$method(_) => Method::$method,)+
+                }
+            }
+
+            /// Checks that the method can run with each setting.
+            ///
+            /// # Errors
+            ///
+            /// [`ConfigError`] names the first setting out of bounds, and its bound.
+            pub fn check(&self) -> Result<(), ConfigError> {
+                match self {
+                    $(Self::$method(config) => config.check(),)+
+                }
+            }
+
+            /// The field of the setting with that name of today.
+            fn field(&mut self, key: &str) -> Option<&mut dyn SettingField> {
+                match self {
+                    $(Self::$method(config) => config.slot(key),)+
+                }
+            }
+        }
+    };
 }
 
+with_methods!(declare);
+
 impl Method {
-    /// Its settings, in the order of their use.
+    /// Its settings, in the order of use.
     pub fn settings(self) -> impl Iterator<Item = (&'static Setting, Use)> {
         SETTINGS.iter().filter_map(move |setting| Some((setting, setting.of(self)?)))
     }
 }
 
 impl MethodConfig {
-    /// The defaults of a method, for outdoor scans some tens of metres wide.
-    pub fn outdoor(method: Method) -> Self {
-        match method {
-            Method::Icp => Self::Icp(IcpConfig::outdoor()),
-            Method::Gicp => Self::Gicp(GicpConfig::outdoor()),
-            Method::Fgr => Self::Fgr(FgrConfig::outdoor()),
-            Method::Mac => Self::Mac(MacConfig::outdoor()),
-            Method::Auto => Self::Auto(AutoConfig::outdoor()),
-        }
-    }
-
-    /// What a search of the paper's ranges starts from: the same, without what the paper's methods
-    /// do without.
+    /// The start of a search of the paper's ranges: [`Self::outdoor`] without the settings that the
+    /// paper's methods lack.
     pub fn paper(method: Method) -> Self {
         let mut config = Self::outdoor(method);
         for (setting, of) in method.settings() {
@@ -53,40 +77,14 @@ impl MethodConfig {
         config
     }
 
-    /// Whose settings these are.
-    pub fn method(&self) -> Method {
-        match self {
-            Self::Icp(_) => Method::Icp,
-            Self::Gicp(_) => Method::Gicp,
-            Self::Fgr(_) => Method::Fgr,
-            Self::Mac(_) => Method::Mac,
-            Self::Auto(_) => Method::Auto,
-        }
-    }
-
-    /// Whether each setting can run.
-    ///
-    /// # Errors
-    ///
-    /// [`ConfigError`] names the first that cannot, and its bound.
-    pub fn check(&self) -> Result<(), ConfigError> {
-        match self {
-            Self::Icp(config) => config.check(),
-            Self::Gicp(config) => config.check(),
-            Self::Fgr(config) => config.check(),
-            Self::Mac(config) => config.check(),
-            Self::Auto(config) => config.check(),
-        }
-    }
-
-    /// A setting by its name, or a former one; absent when the method has none of that name, or it
-    /// is left out.
+    /// The value of a setting by its name or its former name. None when the method has no such
+    /// setting, or it is left out.
     pub fn get(&self, key: &str) -> Option<f64> {
         let mut copy = *self;
         copy.slot(key).and_then(|slot| slot.get())
     }
 
-    /// Sets a setting by its name, or a former one; false when the method has none.
+    /// Sets a setting by its name or its former name; false when the method has none.
     pub fn set(&mut self, key: &str, value: f64) -> bool {
         match self.slot(key) {
             Some(slot) => slot.set(value),
@@ -95,7 +93,29 @@ impl MethodConfig {
         true
     }
 
-    /// Raises what is below the setting that bounds it, to that; names what was raised.
+    /// Leaves out a setting that may be left out; false when the method has none of that name.
+    pub fn clear(&mut self, key: &str) -> bool {
+        self.slot(key).map(|slot| slot.clear()).is_some()
+    }
+
+    /// The way of FGR; None for other methods.
+    pub fn mode(&self) -> Option<FgrMode> {
+        match self {
+            Self::Fgr(config) => Some(config.mode),
+            _ => None,
+        }
+    }
+
+    /// Sets the seed of the method's draws; false when it draws nothing.
+    pub fn set_seed(&mut self, seed: u64) -> bool {
+        match self {
+            Self::Fgr(config) => config.seed = seed,
+            _ => return false,
+        }
+        true
+    }
+
+    /// Raises each setting that is below the one that bounds it to that one; returns their names.
     pub fn repair(&mut self) -> Vec<&'static str> {
         let mut repaired = Vec::new();
         for (setting, of) in self.method().settings() {
@@ -111,14 +131,7 @@ impl MethodConfig {
     }
 
     fn slot(&mut self, key: &str) -> Option<&mut dyn SettingField> {
-        let key = setting(key)?.key;
-        match self {
-            Self::Icp(config) => config.slot(key),
-            Self::Gicp(config) => config.slot(key),
-            Self::Fgr(config) => config.slot(key),
-            Self::Mac(config) => config.slot(key),
-            Self::Auto(config) => config.slot(key),
-        }
+        self.field(setting(key)?.key)
     }
 }
 
@@ -218,6 +231,8 @@ mod tests {
         let mut icp = MethodConfig::outdoor(Method::Icp);
         icp.set("first_pair_distance_m", 0.25);
         assert_eq!(icp.repair(), ["first_pair_distance_m"]);
+        assert!(icp.clear("first_pair_distance_m") && !fgr.clear("first_pair_distance_m"));
+        assert_eq!(icp.get("first_pair_distance_m"), None);
     }
 
     #[test]
@@ -259,6 +274,15 @@ mod tests {
                     assert_eq!(start, near, "{} of {method:?}", setting.key);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn mode_and_seed_are_those_of_the_method_that_has_them() {
+        for mut config in all() {
+            let is_fgr = config.method() == Method::Fgr;
+            assert_eq!(config.mode().is_some(), is_fgr);
+            assert_eq!(config.set_seed(7), is_fgr);
         }
     }
 

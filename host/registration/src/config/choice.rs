@@ -29,7 +29,7 @@ macro_rules! choice {
                 }
             }
 
-            /// What it is, in a line of help.
+            /// A line of help.
             pub fn summary(self) -> &'static str {
                 match self {
                     $(Self::$value => $summary,)+

@@ -1,6 +1,6 @@
-//! What published implementations do differently.
+//! Conventions on which published implementations differ.
 
-/// Choices on which published implementations differ, and which change the result.
+/// A convention of voxels and normals. It changes the result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Convention {
     /// The grid starts at the frame's origin; normals face the sensor; points without a normal have

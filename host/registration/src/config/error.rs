@@ -1,6 +1,6 @@
-//! Why settings cannot run.
+//! The error of a setting out of bounds.
 
-/// A setting that cannot run: which one, what it is, what it must be.
+/// A setting out of bounds.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{field} is {value}, expected {bound}")]
 pub struct ConfigError {
@@ -8,6 +8,6 @@ pub struct ConfigError {
     pub field: &'static str,
     /// Its value.
     pub value: f64,
-    /// What it must be.
+    /// Its bound, in words.
     pub bound: &'static str,
 }

@@ -1,4 +1,4 @@
-//! How points are thinned and described for global registration.
+//! Settings of features for a purpose.
 
 use super::convention::Convention;
 use super::table::FeatureConfig;

@@ -1,4 +1,4 @@
-//! How fast global registration runs.
+//! Settings of fast global registration for a purpose.
 
 use super::mode::FgrMode;
 use super::table::{FeatureConfig, FgrConfig};

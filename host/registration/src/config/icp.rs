@@ -3,8 +3,8 @@
 use super::table::{GicpConfig, IcpConfig, SETTINGS};
 
 impl IcpConfig {
-    /// What refines a global method's motion: the first pairs are four voxels apart at most, which
-    /// covers that method's error of about one, and its turn's at the rim; the last two.
+    /// Refinement of a global method's motion. The first pairs are at most four voxels apart, which
+    /// covers its error of about one voxel, and of its rotation at the rim; the last pairs two.
     pub fn refinement(voxel_m: f64) -> Self {
         Self {
             voxel_m,
@@ -40,7 +40,7 @@ impl IcpConfig {
 }
 
 impl From<&IcpConfig> for GicpConfig {
-    /// The lengths that follow the voxel, normals over [`IcpConfig::normal_radius_m`]; the rest
+    /// The lengths that depend on the voxel, normals over [`IcpConfig::normal_radius_m`]; the rest
     /// is generalised ICP's own.
     fn from(icp: &IcpConfig) -> Self {
         Self {
@@ -55,7 +55,7 @@ impl From<&IcpConfig> for GicpConfig {
 }
 
 impl From<&GicpConfig> for IcpConfig {
-    /// The same settings; generalised ICP has no test of what a step changes.
+    /// The same settings without a test of fitness and RMSE, which generalised ICP does not have.
     fn from(gicp: &GicpConfig) -> Self {
         let mut gicp = *gicp;
         let mut icp = Self { fitness_tolerance: 0.0, rmse_tolerance_m: 0.0, ..Self::outdoor() };

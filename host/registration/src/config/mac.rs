@@ -1,4 +1,4 @@
-//! How registration with maximal cliques runs.
+//! Settings of maximal cliques for a purpose.
 
 use super::table::{FeatureConfig, MacConfig};
 

@@ -1,4 +1,4 @@
-//! How registration runs: Θ_reg of each method.
+//! Settings of registration: Θ_reg of each method.
 
 mod by_name;
 mod choice;
@@ -18,8 +18,9 @@ pub use by_name::MethodConfig;
 pub use convention::Convention;
 pub use error::ConfigError;
 pub use method::Method;
+pub(crate) use method::with_methods;
 pub use mode::FgrMode;
-pub use setting::{Bound, Kind, Range, Search, Setting, Spacing, Use};
+pub use setting::{Bound, Range, Search, Setting, SettingKind, Spacing, Use};
 pub use table::{
     AutoConfig, FeatureConfig, FgrConfig, GicpConfig, IcpConfig, MacConfig, SETTINGS, setting,
 };

@@ -1,11 +1,11 @@
-//! Whose fast global registration.
+//! The two ways of fast global registration.
 
 use serde::{Deserialize, Serialize};
 
 use super::choice::choice;
 
 choice! {
-    /// Whose fast global registration.
+    /// The way in which fast global registration runs.
     FgrMode {
         #[default]
         Annealed "annealed"

@@ -1,4 +1,4 @@
-//! What is known of one setting: its name, its bounds, where a search may look for it.
+//! One setting: its name, its bounds, and the ranges in which a search may look for it.
 
 use std::fmt;
 
@@ -10,55 +10,60 @@ use super::method::Method;
 pub struct Setting {
     /// Its name: a field of the configurations, a flag (with dashes), a key in files.
     pub key: &'static str,
-    /// Its name among all parameters of an experiment.
+    /// Its name among all parameters of a run.
     pub path: &'static str,
-    /// Its name in earlier versions, which is read for one version more.
+    /// Its name in earlier versions, which is read for one more version.
     pub former: Option<&'static str>,
-    /// How it is kept.
-    pub kind: Kind,
+    /// Type of its value.
+    pub kind: SettingKind,
     /// `m`, `rad`, or nothing for counts and shares.
     pub unit: &'static str,
-    /// What it is, in one line; [`Setting::bounds`] has what it must be.
+    /// Its meaning, in one line. [`Setting::bounds`] has its bounds.
     pub help: &'static str,
-    /// What it must be, where a method does not say otherwise.
+    /// Its bound in methods that have none of their own.
     pub(super) bound: Bound,
-    pub(super) icp: Option<Use>,
-    pub(super) gicp: Option<Use>,
-    pub(super) features: Option<Use>,
-    pub(super) fgr: Option<Use>,
-    pub(super) mac: Option<Use>,
-    pub(super) auto: Option<Use>,
+    /// The configurations that have it.
+    pub(super) uses: &'static [(Owner, Use)],
 }
 
-/// How a setting is kept.
+/// A configuration with settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub(super) enum Owner {
+    /// That of a method.
+    Method(Method),
+    /// That of features, which methods on features hold.
+    Features,
+}
+
+/// The type of a setting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SettingKind {
     /// A length, an angle or a share.
     Real,
-    /// A number that may be left out.
+    /// A [`Self::Real`] that may be left out.
     Optional,
-    /// A number of things.
+    /// A whole number, 0 or more.
     Count,
 }
 
-/// A setting as one method has it.
+/// The use of a setting in one method.
 #[derive(Clone, Copy, Debug)]
 pub struct Use {
-    /// The bound, where it is the method's own.
+    /// The method's own bound.
     bound: Option<Bound>,
-    /// Where a search may look for it.
+    /// Ranges of a search; None when no search changes it.
     pub search: Option<Search>,
 }
 
-/// Where a search may look for a setting.
+/// The ranges in which a search may look for a setting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Search {
-    /// The paper's symbol (Sec. 3.3); empty for what the paper does not have.
+    /// The paper's symbol (Sec. 3.3); empty for settings that the paper does not have.
     pub symbol: &'static str,
-    /// What outdoor spacing needs. It starts at the default.
+    /// The range for outdoor scans. A search starts at the default.
     pub outdoor: Range,
-    /// The paper's range, made for indoor spacing, and where it starts there; absent for what the
-    /// paper's methods do without.
+    /// The paper's range, for indoor scans, and the start of a search in it. None for settings that
+    /// the paper's methods lack.
     pub paper: Option<(Range, f64)>,
 }
 
@@ -69,70 +74,61 @@ pub struct Range {
     pub min: f64,
     /// Greatest value.
     pub max: f64,
-    /// How values lie between them.
+    /// Spacing of the values between.
     pub spacing: Spacing,
 }
 
-/// How the values of a range lie.
+/// Spacing of the values of a range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Spacing {
-    /// Evenly.
+    /// Even.
     Linear,
-    /// Evenly in the logarithm.
+    /// Even in the logarithm.
     Log,
     /// Whole numbers, each with an equal share.
     Whole,
 }
 
-/// What a value must be.
+/// The values that a setting may have.
 #[derive(Clone, Copy, Debug)]
 pub struct Bound {
-    /// In words, as the end of "expected …".
+    /// In words, to follow "expected".
     pub words: &'static str,
     holds: fn(f64) -> bool,
-    /// Another setting that it must not be below, and that in words.
+    /// Another setting that it must not be below, and this rule in words.
     pub not_below: Option<(&'static str, &'static str)>,
 }
 
 impl Bound {
-    /// Whether a value is one that a method runs with, whatever its other settings are.
+    /// True when a value is allowed, whatever the other settings are.
     pub fn allows(&self, value: f64) -> bool {
         (self.holds)(value)
     }
 }
 
 impl Setting {
-    /// Of no method yet.
-    pub(super) const fn new(
-        key: &'static str,
-        path: &'static str,
-        kind: Kind,
-        unit: &'static str,
-        help: &'static str,
-        bound: Bound,
-    ) -> Self {
-        let (former, icp, gicp, features) = (None, None, None, None);
-        let (fgr, mac, auto) = (None, None, None);
-        Self { key, path, former, kind, unit, help, bound, icp, gicp, features, fgr, mac, auto }
+    /// Its use in a method; None when the method does not have it.
+    pub fn of(&self, method: Method) -> Option<Use> {
+        self.used_by(Owner::Method(method))
     }
 
-    /// As the method has it; absent when it is none of its settings.
-    pub fn of(&self, method: Method) -> Option<Use> {
-        match method {
-            Method::Icp => self.icp,
-            Method::Gicp => self.gicp,
-            Method::Fgr => self.fgr.or(self.features),
-            Method::Mac => self.mac.or(self.features),
-            Method::Auto => self.auto,
+    /// Its use in a configuration, or in the features that the configuration holds.
+    pub(super) fn used_by(&self, owner: Owner) -> Option<Use> {
+        let of = |owner| self.uses.iter().find(|(of, _)| *of == owner).map(|(_, of)| *of);
+        match owner {
+            Owner::Method(method) if method.has_features() => {
+                of(owner).or_else(|| of(Owner::Features))
+            }
+            _ => of(owner),
         }
     }
 
-    /// What it must be in a method.
+    /// Its bound in a method.
     pub fn bound(&self, of: &Use) -> Bound {
         of.bound.unwrap_or(self.bound)
     }
 
-    /// What it must be, in words, and not below which other; where methods differ, of each in turn.
+    /// Its bound in words, with the setting it must not be below; where methods differ, for each.
     pub fn bounds(&self) -> String {
         let mut bounds: Vec<(String, Vec<&str>)> = Vec::new();
         for method in Method::ALL {
@@ -150,7 +146,7 @@ impl Setting {
         each.collect::<Vec<_>>().join("; ")
     }
 
-    /// Checks a value by itself.
+    /// Checks a value without regard to other settings.
     ///
     /// # Errors
     ///
@@ -181,16 +177,16 @@ impl Setting {
 }
 
 impl Use {
-    /// The same with a bound of the method's own.
+    /// The same use with a bound of the method's own.
     pub(super) const fn bounded(self, bound: Bound) -> Self {
         Self { bound: Some(bound), ..self }
     }
 }
 
-/// A setting that no search changes, and that is bounded as everywhere.
+/// The use of a setting with the common bound, which no search changes.
 pub(super) const PLAIN: Use = Use { bound: None, search: None };
 
-/// A setting that a search may change.
+/// The use of a setting that a search may change.
 pub(super) const fn searched(
     symbol: &'static str,
     outdoor: Range,
@@ -201,7 +197,7 @@ pub(super) const fn searched(
     Use { bound: None, search: Some(Search { symbol, outdoor, paper }) }
 }
 
-/// A setting that a search may change, and that the paper's methods do without.
+/// The use of a setting that a search may change, and that the paper's methods lack.
 pub(super) const fn ours(outdoor: Range) -> Use {
     Use { bound: None, search: Some(Search { symbol: "", outdoor, paper: None }) }
 }
@@ -219,7 +215,7 @@ pub(super) const fn whole(min: f64, max: f64) -> Range {
 }
 
 impl fmt::Display for Bound {
-    /// Its words, then those of the setting it must not be below, where they say more.
+    /// Its words, then the rule about another setting where its words differ.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.not_below {
             Some((_, relation)) if relation != self.words => {
@@ -231,42 +227,42 @@ impl fmt::Display for Bound {
 }
 
 impl Bound {
-    /// The values for which `holds`, which `words` say.
+    /// The values for which `holds` is true, which `words` describe.
     pub(super) const fn new(words: &'static str, holds: fn(f64) -> bool) -> Self {
         Self { words, holds, not_below: None }
     }
 
-    /// And not below another setting.
+    /// The same bound, and not below another setting.
     pub(super) const fn not_below(self, key: &'static str, words: &'static str) -> Self {
         Self { not_below: Some((key, words)), ..self }
     }
 }
 
-/// A field of a configuration that is a setting, read and written as a number.
+/// A field of a configuration, read and written as a number.
 pub(super) trait SettingField {
     fn get(&self) -> Option<f64>;
 
     fn set(&mut self, new: f64);
 
-    /// Leaves it out, where it may be.
+    /// Leaves it out, if it may be left out.
     fn clear(&mut self) {}
 }
 
-/// A type of such a field, and the kind of its settings.
+/// A type of such fields, and the kind of their settings.
 pub(super) trait FieldType: SettingField {
-    const KIND: Kind;
+    const KIND: SettingKind;
 }
 
 impl FieldType for f64 {
-    const KIND: Kind = Kind::Real;
+    const KIND: SettingKind = SettingKind::Real;
 }
 
 impl FieldType for Option<f64> {
-    const KIND: Kind = Kind::Optional;
+    const KIND: SettingKind = SettingKind::Optional;
 }
 
 impl FieldType for usize {
-    const KIND: Kind = Kind::Count;
+    const KIND: SettingKind = SettingKind::Count;
 }
 
 impl SettingField for f64 {
@@ -298,7 +294,7 @@ impl SettingField for usize {
         Some(*self as f64)
     }
 
-    /// Below zero it becomes none: flags and axes have their own bounds before.
+    /// A value below zero becomes 0. Flags and axes check their bounds before.
     fn set(&mut self, new: f64) {
         *self = new.max(0.0) as usize;
     }

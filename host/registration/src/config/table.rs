@@ -1,4 +1,4 @@
-//! Every setting of registration, once.
+//! Every setting of registration, one row each.
 //!
 //! A row makes a field of each configuration that has the setting, its default, its check, its
 //! name for [`super::MethodConfig::get`] and [`super::MethodConfig::set`], a flag of `echoloop
@@ -12,7 +12,7 @@ use super::error::ConfigError;
 use super::method::Method;
 use super::mode::FgrMode;
 use super::setting::{
-    Bound, FieldType, PLAIN, Setting, SettingField, Use, linear, log, ours, searched, whole,
+    Bound, FieldType, Owner, PLAIN, Setting, SettingField, Use, linear, log, ours, searched, whole,
 };
 
 /// A bound of whole numbers, both included.
@@ -22,17 +22,17 @@ macro_rules! count {
     };
 }
 
-/// Neither zero nor farther than single precision tells millimetres.
+/// Above zero, and so short that single precision resolves a decimetre.
 const LENGTH: Bound = Bound::new("a length above 0 m, at most 1e6 m", |v| v > 0.0 && v <= 1e6);
 
-/// Below it, a run has come to its end; 0 turns the test off.
+/// A run ends below it; 0 turns the test off.
 const TOLERANCE: Bound = Bound::new("0 or more", |v| v >= 0.0 && v.is_finite());
 
-/// Neighbours of a normal. More make no better normal, and take their time: some tens are usual.
+/// Neighbours of a normal. Some tens are usual; more make no better normal, and cost time.
 const NEIGHBOURS: Bound = count!(3 to 1000);
 
-/// Neighbours of features are kept for all points at once, so they are bounded more tightly: 500
-/// for each of 100,000 points are 0.4 GB.
+/// Neighbours of features have a lower bound because those of all points are kept at once: 500 for
+/// each of 100,000 points take 0.4 GB.
 const FEATURE_NEIGHBOURS: Bound = count!(3 to 500);
 
 /// φ_v from 5 cm to 1 m; Sec. 3.3 has 1 to 10 cm, and Open3D's example 5 cm. A test holds this and
@@ -43,33 +43,34 @@ const VOXEL: Use = searched("φ_v", log(0.05, 1.0), linear(0.01, 0.1), 0.05);
 const BELOW_A_THIRD: Bound =
     Bound::new("0 or more, below 1/3", |share| (0.0..1.0 / 3.0).contains(&share));
 
-/// A step at least.
+/// One step or more.
 const SOME: Bound = Bound::new("1 or more", |n| n >= 1.0);
 
 /// φ_rad2 is not below φ_rad1 (Sec. 3.3).
 const FEATURE_RADIUS: Bound =
     LENGTH.not_below("normal_radius_m", "normal_radius_m or more (Sec. 3.3)");
 
-/// A coarse start is no finer than the end.
+/// The first distance is not below the last.
 const FIRST_DISTANCE: Bound =
     Bound::new(FIRST_WORDS, |v| v <= 1e6).not_below("max_pair_distance_m", FIRST_WORDS);
 
-/// From what is sure to be a neighbour to what [`crate::suggest()`] begins with in a cloud of 40 m.
+/// From a distance within which points are neighbours to the one with which [`crate::suggest()`]
+/// begins in a cloud of 40 m.
 const FALLING_DISTANCE: Use = ours(log(0.5, 10.0));
 
-/// Normals have a sign only if sensors do: half a turn apart they are the same.
+/// Normals have no sign here, so two of them are at most π/2 apart.
 const NORMAL_ANGLE: Bound =
     Bound::new("above 0, at most π/2", |angle| angle > 0.0 && angle <= FRAC_PI_2);
 
-/// Of a kernel, in standard deviations.
+/// Width of a kernel, in standard deviations.
 const WIDTH: Bound = Bound::new("above 0", |width| width > 0.0 && width.is_finite());
 
 const FIRST_WORDS: &str = "max_pair_distance_m or more, at most 1e6 m";
 
-/// φ_rad1, of Open3D's example two voxels.
+/// φ_rad1: two voxels in Open3D's example.
 const NORMAL_RADIUS: Use = searched("φ_rad1", log(0.1, 3.0), linear(0.01, 0.1), 0.1);
 
-/// The same of a local method, whose normals the number of neighbours bounds first.
+/// φ_rad1 of a local method, whose neighbourhoods are bounded by the number of neighbours first.
 const LOCAL_NORMAL_RADIUS: Use = searched("φ_rad1", log(0.1, 8.0), linear(0.01, 0.1), 0.1);
 
 /// φ_knn of a local method.
@@ -82,7 +83,7 @@ const LOCAL_DISTANCE: Use = searched("φ_d", log(0.05, 3.0), linear(0.1, 2.0), 1
 /// φ_d of a global method: half a voxel in Open3D's example, so the range starts at its least.
 const GLOBAL_DISTANCE: Use = searched("φ_d", log(0.05, 3.0), linear(0.1, 2.0), 0.1);
 
-/// The setting of that name, or of that name in earlier versions.
+/// The setting of that name or former name.
 pub fn setting(name: &str) -> Option<&'static Setting> {
     SETTINGS.iter().find(|setting| setting.key == name || setting.former == Some(name))
 }
@@ -92,7 +93,7 @@ pub fn setting(name: &str) -> Option<&'static Setting> {
 macro_rules! configuration {
     (
         $(#[$about:meta])*
-        $name:ident($uses:expr) $(in $part:ident)?
+        $name:ident($owner:expr) $(in $part:ident)?
         [$($(#[$own_doc:meta])* $own:ident: $own_type:ty = $own_default:expr),*]
         [$({ $key:ident: $type:ty = $default:expr, $help:literal, $more:literal })*]
     ) => {
@@ -116,23 +117,22 @@ macro_rules! configuration {
                 Self { $($own: $own_default,)* $($key: $default,)* }
             }
 
-            /// Whether each setting can run: [`Setting::bounds`] says what it must be.
+            /// Checks each setting against its bounds ([`Setting::bounds`]).
             ///
             /// # Errors
             ///
-            /// [`ConfigError`] names the first field that cannot, and its bound.
+            /// [`ConfigError`] names the first field out of bounds, and its bound.
             pub fn check(&self) -> Result<(), ConfigError> {
-                let uses: fn(&Setting) -> Option<Use> = $uses;
                 let get = |key: &str| {
                     let mut copy = *self;
                     copy.slot(key).and_then(|slot| slot.get())
                 };
-                let used = |setting| Some((setting, uses(setting)?));
+                let used = |setting: &'static Setting| Some((setting, setting.used_by($owner)?));
                 let mut settings = SETTINGS.iter().filter_map(used);
                 settings.try_for_each(|(setting, of)| setting.check(&of, get))
             }
 
-            /// Where the setting of that name is kept.
+            /// The field of the setting of that name.
             pub(super) fn slot(&mut self, key: &str) -> Option<&mut dyn SettingField> {
                 match key {
                     $(stringify!($key) => Some(&mut self.$key),)*
@@ -162,21 +162,21 @@ macro_rules! settings {
     )+) => {
         /// Every setting, in the order of its use.
         pub const SETTINGS: &[Setting] = &[$(Setting {
-            $(former: Some($former),)?
-            $(icp: Some($icp_use),)?
-            $(gicp: Some($gicp_use),)?
-            $(features: Some($features_use),)?
-            $(fgr: Some($fgr_use),)?
-            $(mac: Some($mac_use),)?
-            $(auto: Some($auto_use),)?
-            ..Setting::new(
-                stringify!($key),
-                concat!("registration.", stringify!($key)),
-                <$type as FieldType>::KIND,
-                $unit,
-                $help,
-                $bound,
-            )
+            key: stringify!($key),
+            path: concat!("registration.", stringify!($key)),
+            former: [$(Some($former),)? None][0],
+            kind: <$type as FieldType>::KIND,
+            unit: $unit,
+            help: $help,
+            bound: $bound,
+            uses: &[
+                $((Owner::Method(Method::Icp), $icp_use),)?
+                $((Owner::Method(Method::Gicp), $gicp_use),)?
+                $((Owner::Features, $features_use),)?
+                $((Owner::Method(Method::Fgr), $fgr_use),)?
+                $((Owner::Method(Method::Mac), $mac_use),)?
+                $((Owner::Method(Method::Auto), $auto_use),)?
+            ],
         }),+];
 
         configuration! {
@@ -186,7 +186,7 @@ macro_rules! settings {
             /// some 2 m and 10°. Pairs may be 5 m apart at first. Normals come from the nearest 20
             /// points, however far up to 3 m: rings of a scan lie far apart. The tolerances are far
             /// below the error of such scans (small_gicp stops at 1 mm and 1.7 mrad).
-            IcpConfig(|setting| setting.of(Method::Icp)) []
+            IcpConfig(Owner::Method(Method::Icp)) []
             [$($({ $key: $type = $icp, $help, $more })?)+]
         }
 
@@ -194,13 +194,13 @@ macro_rules! settings {
             /// Settings of [`crate::Gicp`]. Lengths in metres, angles in radians.
             ///
             /// The defaults are those of [`IcpConfig`], without a test of what a step changes.
-            GicpConfig(|setting| setting.of(Method::Gicp)) []
+            GicpConfig(Owner::Method(Method::Gicp)) []
             [$($({ $key: $type = $gicp, $help, $more })?)+]
         }
 
         configuration! {
             /// Settings of FPFH features: the first half of Θ_reg (Sec. 3.3). Lengths in metres.
-            FeatureConfig(|setting| setting.features)
+            FeatureConfig(Owner::Features)
             [
                 /// Where the voxel grid starts, and which way normals face.
                 convention: Convention = Convention::Sensor
@@ -210,7 +210,7 @@ macro_rules! settings {
 
         configuration! {
             /// Settings of [`crate::Fgr`]. Lengths in metres.
-            FgrConfig(|setting| setting.of(Method::Fgr)) in features
+            FgrConfig(Owner::Method(Method::Fgr)) in features
             [
                 /// How points are thinned and described.
                 features: FeatureConfig = FeatureConfig::outdoor(),
@@ -225,7 +225,7 @@ macro_rules! settings {
 
         configuration! {
             /// Settings of [`crate::Mac`]. Lengths in metres.
-            MacConfig(|setting| setting.of(Method::Mac)) in features
+            MacConfig(Owner::Method(Method::Mac)) in features
             [
                 /// How points are thinned and described.
                 features: FeatureConfig = FeatureConfig::outdoor()
@@ -235,7 +235,7 @@ macro_rules! settings {
 
         configuration! {
             /// Settings of [`crate::Auto`]. Lengths in metres.
-            AutoConfig(|setting| setting.of(Method::Auto)) []
+            AutoConfig(Owner::Method(Method::Auto)) []
             [$($({ $key: $type = $auto, $help, $more })?)+]
         }
     };

@@ -1,4 +1,4 @@
-//! Radii that follow the voxel.
+//! Radii that depend on the voxel.
 //!
 //! The defaults in `table.rs` are lengths. They are those of their voxel, but for the radius of
 //! features.

@@ -21,7 +21,7 @@ const WIDEST_M: f32 = 1e9;
 /// A target that no motion reaches: its square is infinite, so that padding scores nothing.
 const NOWHERE: f32 = 1e30;
 
-/// Where matches have their centres, m.
+/// Centroids of the matches in both clouds, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Centroids {
     pub(crate) source: Vector3<f64>,
@@ -47,7 +47,7 @@ pub(crate) struct Columns {
 }
 
 impl Columns {
-    /// All matches, in their order; and the centroids they are about.
+    /// All matches in their order, and their centroids.
     pub(crate) fn new(pairs: &[PointPair]) -> (Self, Centroids) {
         let centroids = Centroids::new(pairs);
         let source = |axis: usize| {
@@ -60,7 +60,7 @@ impl Columns {
         (Self::padded(columns, pairs.len()), centroids)
     }
 
-    /// Some of them, in the order given; indices beyond the last are left out.
+    /// Some of the matches, in the order given; indices beyond the last are left out.
     pub(crate) fn select(&self, indices: &[usize]) -> Self {
         let kept: Vec<usize> = indices.iter().copied().filter(|&i| i < self.len).collect();
         let pick = |column: &Vec<f32>| kept.iter().map(|&i| column[i]).collect();
@@ -74,7 +74,7 @@ impl Columns {
         Self { coordinates, len }
     }
 
-    /// How many there are.
+    /// Count of the matches.
     pub(crate) fn len(&self) -> usize {
         self.len
     }
@@ -95,7 +95,7 @@ impl Columns {
         self.coordinates.each_ref().map(|column| column[i])
     }
 
-    /// How many of `others`, which are about the same centroids, each match is consistent with.
+    /// For each match, the count of `others` consistent with it. Both have the same centroids.
     pub(crate) fn counts(&self, others: &Self, bounds: &LengthBounds) -> Vec<u32> {
         let bounds = bounds.squared(0.0);
         let mut counts = vec![0; self.len];
@@ -107,7 +107,7 @@ impl Columns {
         counts
     }
 
-    /// Which of them are consistent, a row of bits for each, to the rounding of `f32`.
+    /// Consistent pairs of matches, a row of bits for each, to the rounding of `f32`.
     pub(crate) fn graph(&self, bounds: &LengthBounds) -> Vec<Vec<u64>> {
         let bounds = bounds.squared(0.0);
         let row = |i: usize| {
@@ -118,7 +118,7 @@ impl Columns {
         (0..self.len).into_par_iter().map(row).collect()
     }
 
-    /// What [`Self::screen`] adds to the bound, m; absent where `f32` could overflow.
+    /// The slack that [`Self::screen`] adds to the bound, m; None if `f32` could overflow.
     pub(crate) fn slack_m(&self) -> Option<f32> {
         let matches = self.coordinates.iter().flat_map(|column| &column[..self.len]);
         let largest = matches.fold(0.0f32, |largest, v| largest.max(v.abs()));
@@ -158,7 +158,7 @@ impl Columns {
 }
 
 dispatch! {
-    /// How many of `others` a match is consistent with.
+    /// Count of `others` that are consistent with a match.
     fn count(row: &[f32; 6], others: &Columns, bounds: &SquaredBounds) -> u32 = count_inline;
 
     /// From word `first` on, which of `others` a match is consistent with.

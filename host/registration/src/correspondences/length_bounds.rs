@@ -1,8 +1,8 @@
-//! Length consistency: whether two matches keep the distance between their points.
+//! Length consistency: two matches of one rigid motion keep the distance between their points.
 
 use crate::features::PointPair;
 
-/// When two matches are consistent: a rigid motion keeps every length.
+/// Bounds for the consistency of two matches: a rigid motion keeps every length.
 ///
 /// ```text
 /// a = |xᵢ - xⱼ|    b = |yᵢ - yⱼ|      x in the source, y in the target, m
@@ -22,7 +22,7 @@ pub(crate) struct LengthBounds {
 }
 
 impl LengthBounds {
-    /// Whether two matches are consistent, in `f64`. What is not a number never is.
+    /// True when two matches are consistent, in `f64`. NaN is consistent with nothing.
     pub(crate) fn hold(&self, i: &PointPair, j: &PointPair) -> bool {
         let [a, b] = lengths_m(i, j);
         let long = self.least_length_m <= 0.0 || a.min(b) > self.least_length_m;
@@ -59,7 +59,7 @@ pub(super) struct SquaredBounds {
 }
 
 impl SquaredBounds {
-    /// Whether two matches `x y z u v w` break the bounds, from `A = a²`, `B = b²` and the
+    /// True when two matches `x y z u v w` break the bounds, from `A = a²`, `B = b²` and the
     /// tolerance `s`:
     ///
     /// ```text

@@ -1,4 +1,4 @@
-//! What global methods ask of their matches, whichever method it is.
+//! Questions about matches that all global methods share.
 //!
 //! | question | file |
 //! |---|---|

@@ -1,11 +1,11 @@
-//! How far a motion leaves the points of matches from each other.
+//! Distances that a motion leaves between the points of matches.
 
+use echoloop_clouds::Pose;
 use nalgebra::{Rotation3, Vector3};
 
 use crate::features::PointPair;
-use echoloop_clouds::Pose;
 
-/// A motion, ready to be held to many matches.
+/// A motion prepared for residuals of many matches.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Residuals {
     rotation: Rotation3<f64>,
@@ -13,7 +13,7 @@ pub(crate) struct Residuals {
 }
 
 impl Residuals {
-    /// Those of a motion `target_from_source`.
+    /// The residuals of a motion `target_from_source`.
     pub(crate) fn new(target_from_source: &Pose) -> Self {
         Self {
             rotation: target_from_source.rotation.to_rotation_matrix(),
@@ -27,7 +27,7 @@ impl Residuals {
     }
 }
 
-/// How many matches agree with a motion, and how closely.
+/// Count of the matches that agree with a motion, and their distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Inliers {
     pub(crate) count: usize,

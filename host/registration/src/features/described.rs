@@ -1,5 +1,6 @@
-//! A cloud made ready to be matched.
+//! A cloud prepared for matching.
 
+use echoloop_clouds::Cloud;
 use nalgebra::{Point3, Vector3};
 
 use super::{Features, fpfh};
@@ -7,16 +8,15 @@ use crate::geometry::neighbours::Neighbours;
 use crate::geometry::normals;
 use crate::prepared::thinned;
 use crate::{Convention, FeatureConfig, PrepareError};
-use echoloop_clouds::Cloud;
 
-/// A thinned cloud, with a normal and a feature a point.
+/// A thinned cloud with a normal and a feature for each point.
 #[derive(Clone, Debug)]
 pub struct Described {
-    /// `[n]`, m, sensor frame.
+    /// Points in the frame of the sensor, m, `[n]`.
     pub points: Vec<Point3<f32>>,
-    /// `[n]`; zero where there is none.
+    /// Normals, `[n]`; zero where the surface has no direction.
     pub normals: Vec<Vector3<f32>>,
-    /// `[n]`.
+    /// Features, `[n]`.
     pub features: Features,
 }
 

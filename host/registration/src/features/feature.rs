@@ -3,9 +3,9 @@
 /// Numbers of a feature: three histograms of eleven bins.
 pub const DIMENSIONS: usize = 33;
 
-/// One feature a point.
+/// A feature per point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Features {
-    /// `[n][33]`. All zero for a point that has none: such a point matches nothing.
+    /// `[n][33]`. All zero for a point without a feature, which matches nothing.
     pub rows: Vec<[f32; DIMENSIONS]>,
 }

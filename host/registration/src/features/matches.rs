@@ -4,7 +4,7 @@ use nalgebra::Point3;
 
 use super::Described;
 
-/// Two points that found each other: each one's feature is the nearest to the other's.
+/// A match: two points whose features are each other's nearest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Match {
     /// Index into the source's points.
@@ -15,12 +15,12 @@ pub struct Match {
     pub squared: f32,
 }
 
-/// A match as positions, each in its own frame, m.
+/// The positions of a match, each in its own frame, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointPair {
-    /// Where the source has the point.
+    /// The point in the source.
     pub source: Point3<f64>,
-    /// Where the target has it.
+    /// The point in the target.
     pub target: Point3<f64>,
 }
 

@@ -1,4 +1,5 @@
-//! Points described by what surrounds them, and matched by that: what global methods start from.
+//! Features that describe the surroundings of points, and their matches: the start of global
+//! methods.
 
 mod described;
 mod feature;

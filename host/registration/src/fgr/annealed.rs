@@ -1,10 +1,11 @@
-//! The method as published, with the end of its annealing where the paper has it.
+//! Fast global registration as published; the annealing ends at the paper's δ.
+
+use echoloop_clouds::Pose;
 
 use super::tuples::Passed;
 use crate::correspondences::Residuals;
 use crate::features::PointPair;
 use crate::rigid::rigid;
-use echoloop_clouds::Pose;
 
 /// μ falls by this in four iterations, as published, evenly.
 const DIVISION: f64 = 1.4;
@@ -12,15 +13,15 @@ const DIVISION: f64 = 1.4;
 /// Share of the iterations within which μ must have come to its end.
 const ANNEALING: f64 = 0.75;
 
-/// A step below this share of the pair distance is none.
+/// A step below this share of the pair distance counts as none.
 const CONVERGED: f64 = 1e-4;
 
-/// What the annealing came to.
+/// Result of the annealing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Annealed {
     pub(super) target_from_source: Pose,
     pub(super) iterations: usize,
-    /// Whether the last step at the end of the annealing changed nothing.
+    /// True when the last step of the annealing changed nothing.
     pub(super) converged: bool,
 }
 
@@ -92,7 +93,7 @@ fn radius_m(rows: &[(PointPair, f64)]) -> f64 {
     rows.iter().map(far).fold(0.0, f64::max).sqrt()
 }
 
-/// How far a step moves a point at the radius, at most, m.
+/// Longest way that a step moves a point at the radius, m.
 fn step_m(before: &Pose, after: &Pose, radius_m: f64) -> f64 {
     let step = after * before.inverse();
     step.translation

@@ -8,6 +8,8 @@ mod open3d;
 mod tests;
 mod tuples;
 
+use echoloop_clouds::{Cloud, Pose};
+
 use open3d::{Frame, Optimised};
 
 use super::features::{PointPair, matching, pairs};
@@ -15,10 +17,8 @@ use super::{
     ConfigError, Consensus, FgrConfig, FgrMode, Outcome, Registration, StopReason, global,
 };
 use crate::correspondences::{Inliers, LengthBounds, Refit, Until};
-use echoloop_clouds::Cloud;
-use echoloop_clouds::Pose;
 
-/// Fewer matches determine no motion.
+/// Least count of matches that determine a motion.
 const LEAST_MATCHES: usize = 3;
 
 /// Right matches keep their lengths to this, over the voxel: both ends are means of a voxel's
@@ -28,7 +28,7 @@ const LENGTH_TOLERANCE: f64 = 0.6;
 /// Edges shorter than this, over the voxel, say nothing.
 const LEAST_LENGTH: f64 = 7.0;
 
-/// Fits of the final refit, at most.
+/// Most fits of the final refit.
 const MAX_FITS: usize = 12;
 
 /// Fast global registration (Zhou, Park and Koltun, ECCV 2016).
@@ -39,14 +39,13 @@ const MAX_FITS: usize = 12;
 ///    distance.
 /// 4. A final refit to all matches, and the count of those that agree.
 ///
-/// How it ranks among others: benches/record/registration-peers.md.
+/// Measured beside other programs: benches/record/registration-peers.md.
 ///
 /// ```
-/// use echoloop_registration::cloud::Cloud;
-/// use echoloop_registration::pose::{Pose, rotation_error_deg};
-/// use echoloop_registration::{Fgr, FgrConfig, Registration};
+/// use echoloop_registration::clouds::pose::rotation_error_deg;
+/// use echoloop_registration::{Cloud, Fgr, FgrConfig, Pose, Registration};
 ///
-/// // A hilly field, and the same from a sensor that faces elsewhere: no start is needed.
+/// // A hilly field, and the same from a sensor that faces elsewhere. No initial guess is needed.
 /// let field = |x: f32, y: f32| [x, y, (0.7 * x).sin() + (0.5 * y + 0.2 * x).cos() - 3.0].into();
 /// let at = |i: i32| field((i % 120 - 60) as f32 * 0.2, (i / 120 - 60) as f32 * 0.2);
 /// let target = Cloud::new((0..14_400).map(at).collect());
@@ -143,7 +142,7 @@ impl Fgr {
         Ok(Solution { target_from_source, inliers, stop, iterations })
     }
 
-    /// Why a run over so many matches ended.
+    /// The reason of the end of a run over `matches` matches.
     fn verdict(&self, matches: usize, inliers: &Inliers, converged: bool) -> StopReason {
         let reach = self.config.max_pair_distance_m / self.config.features.voxel_m;
         if (inliers.count as f64) < least_inliers(matches, reach) {
@@ -186,7 +185,7 @@ impl Registration for Fgr {
     }
 }
 
-/// A motion, what agrees with it, and how it was come by.
+/// A motion, the matches that agree with it, and the course of its run.
 struct Solution {
     target_from_source: Pose,
     inliers: Inliers,

@@ -1,13 +1,13 @@
-//! The method as Open3D 0.20 runs it from Python.
+//! Fast global registration as Open3D 0.20 runs it from Python.
 
+use echoloop_clouds::Pose;
 use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::features::PointPair;
-use echoloop_clouds::Pose;
 
-/// Draws of the tuple test, a match.
+/// Draws of the tuple test per match.
 const DRAWS: usize = 100;
 
 /// Edges of a triple must agree within this ratio.
@@ -19,7 +19,7 @@ const CONVERGED: f64 = 1e-5;
 /// With fewer matches Open3D returns the identity.
 pub(super) const LEAST_MATCHES: usize = 10;
 
-/// Where both clouds have their centroid, and how large they are.
+/// Centroids and radius of both clouds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Frame {
     pub(super) source: Vector3<f64>,
@@ -109,11 +109,11 @@ pub(super) fn optimised(
     })
 }
 
-/// Where the optimisation ended.
+/// Result of the optimisation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Optimised {
     pub(super) target_from_source: Pose,
-    /// Whether the last step changed nothing. Open3D does not ask.
+    /// True when the last step changed nothing. Open3D does not check.
     pub(super) converged: bool,
 }
 

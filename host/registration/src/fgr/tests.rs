@@ -1,12 +1,12 @@
 //! Matches with known motions, and matches that hold none.
 
+use echoloop_clouds::pose::{rotation_error_deg, to_rows, translation_error_m};
 use nalgebra::Point3;
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use echoloop_clouds::pose::{rotation_error_deg, to_rows, translation_error_m};
 
 fn fgr() -> Fgr {
     Fgr::new(FgrConfig::outdoor()).unwrap()

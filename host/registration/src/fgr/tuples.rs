@@ -1,4 +1,4 @@
-//! The tuple test: which matches form triples that keep all their lengths.
+//! The tuple test: matches that form triples which keep all their lengths.
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;

@@ -1,4 +1,4 @@
-//! The nearest point of a cloud, eight boxes at a time.
+//! A tree of boxes, searched eight boxes at a time.
 
 mod kernel;
 
@@ -13,17 +13,18 @@ const MOST_LEVELS: usize = 11;
 /// Halves longer than this are arranged on two threads.
 const PARALLEL: usize = 8192;
 
-/// Points in a tree of boxes around boxes, eight in each, that does not change.
+/// A tree over points that do not change: boxes around eight points, boxes around eight boxes.
 ///
 /// A complete tree: each leaf but the last holds eight points, each node but the last of its level
-/// eight children, so that places follow from counting and there are no pointers. Points are split
-/// at the median of the widest side of their box, over and over; what is near in space is near in
-/// memory. The point of index `i` is `points()[i]`: the order is the tree's, not the input's.
+/// eight children, so that indices follow from counting and there are no pointers. Points are split
+/// at the median of the widest side of their box, again and again, so that neighbours in space are
+/// near in memory. The point of index `i` is `points()[i]`: the order is the tree's, not the
+/// input's.
 #[derive(Clone, Debug)]
 pub(crate) struct BoxTree {
     points: Vec<Point3<f32>>,
     leaves: Vec<PointLanes>,
-    /// From the one above the leaves to the root, which is alone.
+    /// Levels of nodes, from the one above the leaves to the root alone.
     levels: Vec<Vec<Boxes>>,
 }
 
@@ -41,10 +42,10 @@ struct Boxes {
 /// The nearest point, and a bound on all others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Found {
-    /// The nearest point strictly within the radius, of equally near ones the first; absent when
+    /// The nearest point strictly within the radius, of equally near ones the first; None when
     /// there is none.
     pub(crate) index: Option<u32>,
-    /// No other point is nearer than this, squared, m².
+    /// Squared distance, m², below which there is no other point.
     pub(crate) others_squared_m2: f32,
 }
 
@@ -57,12 +58,12 @@ pub(crate) fn order(points: &[Point3<f32>]) -> Vec<u32> {
     places.iter().map(|place| place.1).collect()
 }
 
-/// Values of points in an order of these.
+/// The values of points, rearranged to an order of the points.
 pub(crate) fn ordered<T: Copy>(values: &[T], order: &[u32]) -> Vec<T> {
     order.iter().map(|&index| values[index as usize]).collect()
 }
 
-/// Where a point is, and its index in the input.
+/// Coordinates of a point, and its index in the input.
 type Place = ([f32; 3], u32);
 
 /// Brings the points of each node together: all nodes but the last hold `capacity` points.
@@ -121,8 +122,8 @@ impl BoxTree {
         &self.points
     }
 
-    /// The nearest point strictly within `radius_m`. No other is nearer than the bound it comes
-    /// with, which is the second's distance, but no more than `radius_m` and no more than the
+    /// Finds the nearest point strictly within `radius_m`. No other is nearer than the bound it
+    /// comes with, which is the second's distance, but no more than `radius_m` and no more than the
     /// nearest's and `slack_m`: the search goes no farther.
     ///
     /// Distances are those of `f32`, `dx² + dy² + dz²` from the left: the same as a full scan's,
@@ -174,24 +175,24 @@ impl BoxTree {
         }
     }
 
-    /// The same, without the tree.
+    /// The points, in the order of the tree.
     pub(crate) fn into_points(self) -> Vec<Point3<f32>> {
         self.points
     }
 
-    /// The points of a leaf; of none that is not there.
+    /// The points of a leaf; none if there is no such leaf.
     pub(super) fn leaf_points(&self, leaf: usize) -> &[Point3<f32>] {
         self.points.chunks(WIDE).nth(leaf).unwrap_or_default()
     }
 
-    /// To the points of a leaf, squared, m²; infinity in lanes without one.
+    /// Squared distances to the points of a leaf, m²; infinity in lanes without a point.
     #[inline(always)]
     pub(super) fn squared_to_leaf(&self, leaf: usize, query: &[f32; 3]) -> [f32; WIDE] {
         self.leaves.get(leaf).unwrap_or(&PointLanes::FAR).squared_to(query)
     }
 
-    /// The leaves whose boxes are at most so far from a box, squared, in their order. `spare` holds
-    /// what it likes.
+    /// Finds the leaves whose boxes are within a squared distance of a box, in their order. `spare`
+    /// is scratch memory.
     ///
     /// Rounding keeps the order of two boxes' gap and the distances of the points in them: no point
     /// is missed.
@@ -230,13 +231,13 @@ pub(super) trait Nearer {
     fn scan(&mut self, kernel: impl LaneKernel, leaf: usize, squared: &[f32; WIDE]);
 }
 
-/// A node on the way from the root, and which of its children are still to be seen.
+/// A node on the way from the root, and its children that are still to be visited.
 #[derive(Clone, Copy)]
 struct Node {
     index: usize,
     /// The children's squared distances as bits, which order numbers above 0 as the numbers do; the
     /// last three bits give way to the lane. That rounds down: no child is taken for farther than
-    /// it is. [`Node::SEEN`] when it has been.
+    /// it is. [`Node::SEEN`] for a child that has been visited.
     children: [u32; WIDE],
 }
 
@@ -257,8 +258,8 @@ impl Node {
         }
     }
 
-    /// The nearest child within the limit that has not been seen: without a branch that depends on
-    /// which.
+    /// The nearest child within the limit that has not been visited, without a branch that depends
+    /// on which.
     #[inline(always)]
     fn next(&mut self, kernel: impl LaneKernel, limit: f32) -> Option<usize> {
         let least = kernel.take_least(&mut self.children);
@@ -271,7 +272,7 @@ impl Node {
 struct Best {
     index: Option<u32>,
     squared: f32,
-    /// What is farther, squared, changes nothing any more.
+    /// Points beyond this squared distance, m², change nothing any more.
     limit: f32,
     slack_m: f32,
 }
@@ -349,7 +350,7 @@ impl PointLanes {
     }
 }
 
-/// The least and the greatest corner.
+/// The lowest and the highest corner of a box.
 pub(super) type Corners = ([f32; 3], [f32; 3]);
 
 fn join(a: Corners, b: Corners) -> Corners {
@@ -358,7 +359,7 @@ fn join(a: Corners, b: Corners) -> Corners {
 
 const EMPTY: Corners = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
 
-/// Around points; the empty box around none.
+/// The box around points; the empty box without points.
 pub(super) fn box_around(points: &[Point3<f32>]) -> Corners {
     points.iter().map(|p| ((*p).into(), (*p).into())).fold(EMPTY, join)
 }
@@ -382,13 +383,13 @@ impl Boxes {
         (fold(&self.low, f32::min, f32::INFINITY), fold(&self.high, f32::max, f32::NEG_INFINITY))
     }
 
-    /// To the nearest point of each box: 0 within.
+    /// Squared distance to the nearest point of each box: 0 within.
     #[inline(always)]
     fn squared_to(&self, query: &[f32; 3]) -> [f32; WIDE] {
         self.squared_to_box(&(*query, *query))
     }
 
-    /// From the nearest point of a box to that of each of these: 0 where they meet.
+    /// Squared distance of a box from each of these: 0 where they meet.
     #[inline(always)]
     fn squared_to_box(&self, (low, high): &Corners) -> [f32; WIDE] {
         let outside = |axis: usize, lane: usize| {
@@ -403,13 +404,13 @@ impl Boxes {
     }
 }
 
-/// `f32::max` without its care for NaN: one instruction.
+/// `f32::max` that does not handle NaN: one instruction.
 #[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// `f32::min` without its care for NaN: one instruction.
+/// `f32::min` that does not handle NaN: one instruction.
 #[inline(always)]
 fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
@@ -421,8 +422,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::geometry::kiddo_tree::KiddoTree;
-    use crate::geometry::scanned::{nearest_first, tree};
+    use crate::geometry::tests::kiddo_tree::KiddoTree;
+    use crate::geometry::tests::scanned::{nearest_first, tree};
 
     /// A full scan: the nearest, of equally near ones the first, and the squared distance of the
     /// second.

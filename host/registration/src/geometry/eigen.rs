@@ -21,8 +21,8 @@ pub fn eigenvalues(a: &Matrix3<f64>) -> [f64; 3] {
     [low, 3.0 * mean - low - high, high]
 }
 
-/// The unit vector that `a - value` maps to zero, for an eigenvalue that stands alone; absent when
-/// it does not.
+/// The unit vector that `a - value` maps to zero, for a simple eigenvalue; None when
+/// it is not simple.
 ///
 /// The rows of `a - value` span the plane across that vector: the longest of their cross products
 /// is it.
@@ -34,16 +34,16 @@ pub fn eigenvector(a: &Matrix3<f64>, value: f64) -> Option<Vector3<f64>> {
     longest.try_normalize(0.0)
 }
 
-/// The least eigenvector with a sign that only its way of working it out decides.
+/// The eigenvector of the least eigenvalue, with the sign that the computation leaves.
 pub(super) mod eberly {
     use nalgebra::{Matrix3, Vector3};
 
     /// The eigenvector of the least eigenvalue of a symmetric matrix, zero for the zero matrix.
     ///
-    /// As D. Eberly, "A robust eigensolver for 3 × 3 symmetric matrices" (2014), orders the work,
-    /// which Open3D follows: from the eigenvalue farthest from the middle one its vector, then the
-    /// middle one's in the plane across it, then their product. Vectors come with the sign that
-    /// this leaves.
+    /// After D. Eberly, "A robust eigensolver for 3 × 3 symmetric matrices" (2014), which Open3D
+    /// follows: first the vector of the eigenvalue farthest from the middle one, then the middle
+    /// one's in the plane across it, then their product. Vectors come with the sign that this
+    /// leaves.
     pub(in crate::geometry) fn least(a: &Matrix3<f64>) -> Vector3<f64> {
         let scale = a.max();
         if scale == 0.0 || !scale.is_finite() {

@@ -178,8 +178,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::geometry::kiddo_tree::KiddoTree;
-    use crate::geometry::scanned::nearest_first;
+    use crate::geometry::tests::kiddo_tree::KiddoTree;
+    use crate::geometry::tests::scanned::nearest_first;
 
     fn points(raw: &[[f32; 3]]) -> Vec<Point3<f32>> {
         raw.iter().map(|&p| p.into()).collect()

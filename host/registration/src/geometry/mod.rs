@@ -3,12 +3,14 @@
 pub(crate) mod box_tree;
 pub mod eigen;
 pub mod kdtree;
-#[cfg(test)]
-mod kiddo_tree;
 mod nearest;
 pub mod neighbours;
 pub mod normals;
 pub(crate) mod quantile;
-#[cfg(test)]
-mod scanned;
 pub mod voxel;
+
+#[cfg(test)]
+mod tests {
+    pub(super) mod kiddo_tree;
+    pub(super) mod scanned;
+}

@@ -1,21 +1,21 @@
-//! The nearest points of every point of a tree.
+//! The nearest neighbours of every point of a tree.
 
 use echoloop_dispatch::dispatch;
 
 use super::box_tree::{BoxTree, Corners, LaneKernel, Portable, WIDE, box_around};
 
-/// A first search goes as far as this many halves of a leaf's diagonal: on a surface some twenty
+/// First reach of a search, in halves of a leaf's diagonal. On a surface that holds some twenty
 /// points.
 const FIRST_REACH: f32 = 1.5;
 
-/// What a search that found too few is widened by.
+/// Factor by which a search that found too few is widened.
 const GROWTH: f32 = 1.5;
 
-/// Least first reach, of the radius: equal points have their neighbours at no distance, the next
-/// leaf's may have not.
+/// Least first reach, over the radius: if all neighbours are at distance 0, those of the next
+/// leaf may not be.
 const LEAST_REACH: f32 = 1e-3;
 
-/// What the next leaf is searched by, of the mean distance of the last one's farthest neighbours.
+/// First reach in the next leaf, over the mean distance of the farthest neighbours in the last.
 const ROOM: f32 = 1.15;
 
 /// The nearest `max` points strictly within a radius of each point, the point itself included, of
@@ -28,7 +28,7 @@ pub(super) struct Nearest<'a> {
     tree: &'a BoxTree,
     radius_m: f32,
     max: usize,
-    /// How far the next leaf is searched first, m.
+    /// First reach in the next leaf, m.
     reach_m: Option<f32>,
     leaves: Vec<u32>,
     spare: Vec<u32>,
@@ -89,10 +89,10 @@ fn first_reach_m((low, high): &Corners) -> f32 {
     FIRST_REACH * diagonal / 2.0
 }
 
-/// The points near one.
+/// The points near a query.
 #[derive(Default)]
 struct Near {
-    /// Of all points of the leaves.
+    /// Squared distances of all points of the leaves, m².
     all_m2: Vec<[f32; WIDE]>,
     indices: Vec<u32>,
     squared_m2: Vec<f32>,
@@ -101,7 +101,7 @@ struct Near {
 }
 
 impl Near {
-    /// The points of some leaves that are at most so far, squared, in their order.
+    /// Collects the points of some leaves within a squared distance, in their order.
     #[inline(always)]
     fn scan(&mut self, tree: &BoxTree, leaves: &[u32], query: &[f32; 3], limit: f32) {
         // One more is written but not kept.
@@ -126,7 +126,7 @@ impl Near {
         self.count = count;
     }
 
-    /// Leaves the nearest `max`, and says how far the farthest of them is, squared, or the limit
+    /// Keeps the nearest `max`; returns the squared distance of the farthest of them, or the limit
     /// if there are fewer.
     #[inline(always)]
     fn keep_nearest(&mut self, max: usize, limit: f32) -> f32 {
@@ -158,14 +158,14 @@ impl Near {
     }
 }
 
-/// What was found for the points of a leaf.
+/// Neighbours of the points of a leaf.
 #[derive(Default)]
 struct Rows {
     indices: Vec<u32>,
     ranges: [(usize, usize); WIDE],
     points: usize,
     missing: u32,
-    /// The distances of their farthest neighbours together, m.
+    /// Sum of the distances of their farthest neighbours, m.
     farthest_m: f32,
 }
 
@@ -221,7 +221,7 @@ mod tests {
     use nalgebra::Point3;
     use proptest::prelude::*;
 
-    use super::super::scanned::{nearest_first, tree};
+    use super::super::tests::scanned::{nearest_first, tree};
     use super::*;
 
     /// Coordinates on a coarse lattice (many ties and duplicates), anywhere, on a line, and a few
@@ -246,7 +246,7 @@ mod tests {
             .collect()
     }
 
-    /// A full scan's.
+    /// The neighbours by a full scan.
     fn scanned(tree: &BoxTree, query: &Point3<f32>, radius_m: f32, max: usize) -> Vec<u32> {
         let all = nearest_first(tree.points(), query, radius_m);
         let mut indices: Vec<u32> = all.iter().take(max).map(|near| near.1).collect();

@@ -1,4 +1,4 @@
-//! Every point's neighbours, found once.
+//! The neighbours of all points within a radius.
 
 use echoloop_dispatch::dispatch;
 use nalgebra::Point3;
@@ -12,20 +12,20 @@ const CHUNK: usize = 64;
 /// Bits of a cell's number along each axis.
 const BITS: u32 = 21;
 
-/// Cells along each axis; what lies beyond shares the outermost.
+/// Cells along each axis; points beyond lie in the outermost.
 const MOST_CELLS: u64 = 1 << BITS;
 
-/// How many points tell where a cloud has its middle.
+/// Sample of the points by which the middle of a cloud is estimated.
 const SAMPLES: usize = 1000;
 
 /// The neighbours of each point of a cloud within one radius, the point itself included (Open3D's
 /// hybrid search).
 ///
-/// In rows one after the other (CSR): 8 bytes a neighbour, at most `8 · n · max`, and up to twice
+/// Stored as compressed rows (CSR): 8 bytes per neighbour, at most `8 · n · max`, and up to twice
 /// as much again while they are found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Neighbours {
-    /// Where each row begins, and the end of the last: `[n + 1]`.
+    /// Index of the first neighbour of each row, and the end of the last: `[n + 1]`.
     starts: Vec<usize>,
     /// Index of each neighbour.
     indices: Vec<u32>,
@@ -34,8 +34,8 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
-    /// The nearest `max` points strictly within `radius_m` of each point, of equally near ones
-    /// those of lower index.
+    /// Finds the nearest `max` points strictly within `radius_m` of each point, of equally near
+    /// ones those of lower index.
     ///
     /// Points must be finite. A row is ordered by place, not by distance: the same for the same
     /// points, on any number of threads. Candidates come from a grid of cells as wide as the
@@ -70,22 +70,22 @@ impl Neighbours {
 }
 
 impl Neighbours {
-    /// How many points there are.
+    /// Count of the points.
     pub fn len(&self) -> usize {
         self.starts.len().saturating_sub(1)
     }
 
-    /// Whether there are none.
+    /// True when there are no points.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// How many neighbours all points have together.
+    /// Count of the neighbours of all points together.
     pub fn total(&self) -> usize {
         self.indices.len()
     }
 
-    /// Indices and squared distances, m², of a point's neighbours; of no point, none.
+    /// Indices and squared distances, m², of a point's neighbours; none if there is no such point.
     pub fn row(&self, point: usize) -> (&[u32], &[f32]) {
         match (self.starts.get(point), self.starts.get(point + 1)) {
             (Some(&from), Some(&to)) => (&self.indices[from..to], &self.squared_m2[from..to]),
@@ -106,7 +106,7 @@ fn rows(points: &[Point3<f32>], radius_m: f64, max: usize) -> Vec<Rows> {
     grid.cells.par_chunks(CHUNK).map(rows).collect()
 }
 
-/// How many neighbours are sought, and within what.
+/// Largest count of neighbours, and the radius.
 struct Queries<'a> {
     grid: &'a CellGrid,
     radius_m: f32,
@@ -116,7 +116,7 @@ struct Queries<'a> {
 /// Rows as a thread finds them.
 #[derive(Default)]
 struct Rows {
-    /// The point, and how many neighbours it has.
+    /// Each point, and the count of its neighbours.
     heads: Vec<(u32, u32)>,
     indices: Vec<u32>,
     squared_m2: Vec<f32>,
@@ -132,7 +132,7 @@ struct Cell {
 /// Points in the order of the cells they lie in, x fastest.
 struct CellGrid {
     cells: Vec<Cell>,
-    /// Coordinates, one list an axis.
+    /// Coordinates, one list per axis.
     at: [Vec<f32>; 3],
     /// Each point's index in the input.
     index: Vec<u32>,
@@ -184,7 +184,7 @@ impl CellGrid {
         })
     }
 
-    /// Adds the points of a run that are near enough.
+    /// Adds the points of a run that lie within the radius.
     #[inline(always)]
     fn scan(
         &self,
@@ -208,7 +208,7 @@ impl CellGrid {
     }
 }
 
-/// The middle of some of the points along an axis; 0 without points.
+/// Median of a sample of the points along an axis; 0 without points.
 fn median(points: &[Point3<f32>], axis: usize) -> f64 {
     let some = points.iter().step_by(points.len().div_ceil(SAMPLES).max(1));
     f64::from(quantile(some.map(|p| p[axis]), 0.5))
@@ -248,7 +248,7 @@ struct Candidates {
 }
 
 impl Candidates {
-    /// Room for so many, and one more that is written but not kept.
+    /// Makes room for the candidates, and one more that is written but not kept.
     fn clear(&mut self, candidates: usize) {
         self.count = 0;
         if self.indices.len() <= candidates {
@@ -295,8 +295,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::geometry::kiddo_tree::KiddoTree;
-    use crate::geometry::scanned::nearest_first;
+    use crate::geometry::tests::kiddo_tree::KiddoTree;
+    use crate::geometry::tests::scanned::nearest_first;
 
     /// Coordinates on a coarse lattice (many ties and duplicates), anywhere, and on a line.
     fn points() -> impl Strategy<Value = Vec<[f32; 3]>> {

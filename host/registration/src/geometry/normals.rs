@@ -1,5 +1,6 @@
-//! Which way the surface faces at each point.
+//! Normals of the surface at each point.
 
+use echoloop_clouds::{Cloud, is_finite};
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
@@ -7,19 +8,18 @@ use super::box_tree::{self, BoxTree, WIDE};
 use super::eigen::{eberly, eigenvalues, eigenvector};
 use super::nearest::Nearest;
 use super::neighbours::Neighbours;
-use echoloop_clouds::{Cloud, is_finite};
 
 /// Neighbours on a line have no normal: the middle eigenvalue must exceed the largest times this (1
 /// % in length).
 const FLAT_OVER_LONG: f64 = 1e-4;
 
-/// Fewer neighbours than this, the point included, span no plane.
+/// Least count of neighbours that span a plane, the point included.
 const LEAST_NEIGHBOURS: usize = 3;
 
-/// How many points a thread takes at a time: whole leaves.
+/// Points that a thread takes at a time: whole leaves.
 const CHUNK: usize = 64 * WIDE;
 
-/// Sets the normals of a cloud, one a point; a zero normal where there is none. As
+/// Sets the normals of a cloud, one per point; zero where the surface has no direction. See
 /// [`from_points`].
 pub fn estimate(cloud: &mut Cloud, radius_m: f64, max_neighbours: usize) {
     // A search wants finite points: the others get no normal.
@@ -59,7 +59,7 @@ pub fn from_points(
     normals
 }
 
-/// As [`from_points`], of the points of a tree.
+/// [`from_points`] for the points of a tree.
 pub(crate) fn of_tree(tree: &BoxTree, radius_m: f64, max_neighbours: usize) -> Vec<Vector3<f32>> {
     let points = tree.points();
     let mut normals = vec![Vector3::zeros(); points.len()];
@@ -76,8 +76,8 @@ pub(crate) fn of_tree(tree: &BoxTree, radius_m: f64, max_neighbours: usize) -> V
     normals
 }
 
-/// As [`from_points`], from neighbourhoods that are known: as wide as `radius_m` at least, as many
-/// as `max_neighbours`.
+/// [`from_points`] with known neighbourhoods, of at least `radius_m` and at least
+/// `max_neighbours` neighbours.
 pub fn from_neighbours(
     points: &[Point3<f32>],
     neighbours: &Neighbours,
@@ -106,7 +106,7 @@ pub fn from_neighbours_open3d(
     })
 }
 
-/// Works out something for every point from its nearest neighbours.
+/// Computes a value for every point from its nearest neighbours.
 fn each(
     points: &[Point3<f32>],
     neighbours: &Neighbours,

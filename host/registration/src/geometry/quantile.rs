@@ -1,6 +1,6 @@
-//! What so many of some values lie below.
+//! Quantiles.
 
-/// The value that a share of the others lies below; 0 of none.
+/// The value below which a share of the values lies; 0 without values.
 pub(crate) fn quantile(values: impl Iterator<Item = f32>, share: f64) -> f32 {
     let mut values: Vec<f32> = values.collect();
     let at = ((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1));

@@ -1,11 +1,10 @@
-//! One point a voxel.
+//! Voxel downsampling: one point per voxel.
 
+use echoloop_clouds::{Cloud, is_finite};
 use echoloop_dispatch::dispatch;
 use nalgebra::{Point3, Vector3};
 
-use echoloop_clouds::{Cloud, is_finite};
-
-/// Why a cloud cannot be cut into voxels.
+/// Why a cloud cannot be downsampled.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum VoxelError {
     /// The edge is not a positive number.
@@ -21,8 +20,8 @@ pub enum VoxelError {
     },
 }
 
-/// Replaces the points of each voxel by their mean, whose range is as sure as that of so many
-/// points, each with an error of its own, is. Normals are dropped: estimate them anew.
+/// Replaces the points of each voxel by their mean. Its σ_R assumes independent errors of the
+/// points. Normals are dropped: estimate them anew.
 ///
 /// ```text
 /// cell = ⌊p / voxel⌋ per axis, in f64      mean = Σ p / n, in f64, in the order of the input
@@ -41,7 +40,7 @@ pub fn downsample(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelError> {
     means(cloud, voxel_m, [0.0; 3])
 }
 
-/// As [`downsample`], on Open3D's grid, which starts half a voxel below the least coordinates.
+/// [`downsample`] on Open3D's grid, which starts half a voxel below the least coordinates.
 ///
 /// # Errors
 ///
@@ -81,7 +80,7 @@ struct Run {
 }
 
 impl Run {
-    /// What is known of its points; nothing of those beyond the list's end.
+    /// The values of its points; none beyond the end of the list.
     fn of<T>(self, all: &[T]) -> &[T] {
         all.get(self.first as usize..)
             .unwrap_or_default()
@@ -100,7 +99,7 @@ fn mean(points: &[Point3<f32>], cell: &[Run]) -> Point3<f32> {
     (sum / points_in(cell)).cast::<f32>().into()
 }
 
-/// Standard deviation of the mean of values with these.
+/// Standard deviation of a mean, from those of its values.
 fn mean_sd(sds: &[f32], cell: &[Run]) -> f32 {
     let of_cell = cell.iter().flat_map(|run| run.of(sds));
     let sum: f64 = of_cell.map(|sd| f64::from(*sd) * f64::from(*sd)).sum();
@@ -110,17 +109,17 @@ fn mean_sd(sds: &[f32], cell: &[Run]) -> f32 {
 /// Numbers the cells of the box around a cloud, x fastest.
 struct VoxelGrid {
     voxels_per_m: f64,
-    /// Where cell 0 begins.
+    /// Corner of cell 0.
     start_m: [f64; 3],
-    /// The least cell of each axis.
+    /// Lowest cell of each axis.
     first: [f64; 3],
-    /// How far the next cell of each axis is.
+    /// Difference of the numbers of neighbouring cells along each axis.
     stride: [u64; 3],
     last_key: u64,
 }
 
 impl VoxelGrid {
-    /// Around the finite points, if there are any.
+    /// A grid around the finite points; None without any.
     fn around(
         points: &[Point3<f32>],
         voxel_m: f64,

@@ -35,7 +35,7 @@ const ACROSS: f64 = 1e-3;
 /// ```
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PlaneToPlane {
-    /// Of the two planes: `Σ w j jᵀ`, `Σ w j r`; and the moments of the pairs.
+    /// The part of the two planes, `Σ w j jᵀ` and `Σ w j r`, and the moments of the pairs.
     planes: NormalEquations,
     /// The trace of the planes' part, `Σ w u · u`.
     weight: f64,
@@ -71,7 +71,7 @@ impl Equations for PlaneToPlane {
         self
     }
 
-    /// What the pairs determine is told by the target's planes alone, as for [`NormalEquations`]:
+    /// Observability is that of the target's planes alone, as for [`NormalEquations`]:
     /// the distance from point to point draws every direction to where the sampling of the surfaces
     /// happens to agree, and planes that agree outweigh all others.
     fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {

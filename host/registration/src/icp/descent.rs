@@ -1,4 +1,6 @@
-//! The loop that every variant of ICP runs: pair, step, look whether it moved.
+//! The loop of every variant of ICP: pair, step, check for convergence.
+
+use echoloop_clouds::Pose;
 
 use super::equations::Equations;
 use super::kernel::Kernel;
@@ -6,15 +8,14 @@ use super::pairing::{Found, Moving, Placed, sum_pairs};
 use super::step::Step;
 use super::uncertainty::covariance;
 use crate::{IcpConfig, Observability, Outcome, StopReason, Target};
-use echoloop_clouds::Pose;
 
 /// Unknowns of a motion: fewer pairs cannot determine it.
 const UNKNOWNS: usize = 6;
 
-/// What the pair distance of a coarse start shrinks by, an iteration.
+/// Factor by which the pair distance of a coarse start shrinks in each iteration.
 const SHRINK: f64 = 0.7;
 
-/// The loop, with the settings that say when it ends and how far it pairs.
+/// The loop of ICP, with its settings.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Descent(pub(crate) IcpConfig);
 

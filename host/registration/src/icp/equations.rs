@@ -1,4 +1,4 @@
-//! What a least squares over pairs can do, whatever it sums.
+//! The trait of least squares over pairs.
 
 use nalgebra::{Matrix6, Vector6};
 
@@ -9,9 +9,9 @@ use super::pairs::Pairs;
 use super::step::Step;
 use crate::Observability;
 
-/// Sums over pairs that a step is solved from.
+/// Sums over pairs from which a step is solved.
 pub(crate) trait Equations: Default + Send + Sync {
-    /// Which normals it wants of pairs, if theirs may differ by so much.
+    /// The normals it needs of pairs, for this largest angle between them.
     fn normals(max_normal_angle_rad: Option<f64>) -> Normals;
 
     /// Adds pairs, each with the weight of its residual. Empty lanes hold zeros.
@@ -20,7 +20,7 @@ pub(crate) trait Equations: Default + Send + Sync {
     /// Adds the sums of other pairs.
     fn merge(self, other: &Self) -> Self;
 
-    /// The step to the least squares, and which of its directions the pairs determine.
+    /// The step to the least squares, and the directions that the pairs determine.
     fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability);
 
     /// Σ w J Jᵀ: the curvature of what is minimised, about the target's origin.
@@ -32,7 +32,7 @@ pub(crate) trait Equations: Default + Send + Sync {
     /// The frame that steps are solved in.
     fn centred(&self) -> Centred;
 
-    /// How many pairs.
+    /// Count of the pairs.
     fn pairs(&self) -> usize;
 
     /// Root mean square distance of the pairs, m.

@@ -1,4 +1,4 @@
-//! How much a pair weighs by its residual.
+//! Weight of a pair by its residual.
 
 /// The standard deviation of a normal distribution over the median of its absolute values.
 const SIGMA_OVER_MEDIAN: f64 = 1.4826;
@@ -17,8 +17,8 @@ const LEAST_OVER_REACH: f64 = 0.04;
 /// The scale comes from the residuals themselves, so one width serves a sensor of 2 mm noise and
 /// one of 2 cm, a street and a wood.
 ///
-/// Where the sensor tells how sure each range is, the pairs that it is sure of say more. With `v`
-/// what the errors of a pair's two ranges add to the variance of its residual:
+/// If the sensor reports σ_R, pairs with a smaller σ_R weigh more. With `v`
+/// the variance that the errors of a pair's two ranges add to its residual:
 ///
 /// ```text
 /// w = 1 / k (1 + r² / k c²)²      k = (s² + v) / (s² + v₀)      s² = σ² - v₀      v₀ the median v
@@ -34,7 +34,7 @@ pub(crate) struct Kernel {
     bend: f64,
     /// `k` of a pair without noise: `s² / (s² + v₀)`.
     quiet: f64,
-    /// What noise adds to `k`, 1/m²: `1 / (s² + v₀)`.
+    /// Part of `k` due to noise, 1/m²: `1 / (s² + v₀)`.
     per_noise: f64,
     /// σ², m².
     variance_m2: f64,
@@ -44,11 +44,11 @@ pub(crate) struct Kernel {
 const LEAST_QUIET: f64 = 0.25;
 
 impl Kernel {
-    /// Every pair weighs 1.
+    /// Least squares: every pair weighs 1.
     pub(crate) const LEAST_SQUARES: Self =
         Self { inverse_square: 0.0, bend: 0.0, quiet: 1.0, per_noise: 0.0, variance_m2: 0.0 };
 
-    /// Of `width` standard deviations of these residuals, m, of pairs `reach_m` apart at most;
+    /// A kernel of `width` standard deviations of these residuals, m, for pairs up to `reach_m`;
     /// least squares without a width or a residual.
     pub(crate) fn of_residuals(width: Option<f64>, residuals_m: &mut [f32], reach_m: f64) -> Self {
         let (Some(width), false) = (width, residuals_m.is_empty()) else {

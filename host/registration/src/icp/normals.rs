@@ -1,21 +1,21 @@
-//! What the normals of a pair say of it.
+//! The direction of a pair, from the normals of its points.
 
 use nalgebra::Vector3;
 
-/// Which normals pairs have; those of both points make a pair if the cosine between them, whatever
+/// The normals that pairs need. If both, points make a pair when the cosine between them, whatever
 /// their signs, is at least as large.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Normals {
-    /// The target's alone.
+    /// The target's normal alone.
     Target,
-    /// The target's and the source's.
+    /// The normals of target and source.
     Both(f64),
     /// The mean of both in the place of the target's. It is the shorter the less they agree.
     Mean(f64),
 }
 
 impl Normals {
-    /// Of a pair with these normals, the source's turned as the source is: the target's and the
+    /// The normals of a pair, the source's turned as the source is: the target's and the
     /// source's, zeros if it is not wanted; none where they make no pair.
     #[inline(always)]
     pub(crate) fn of(

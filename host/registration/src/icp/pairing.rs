@@ -1,6 +1,7 @@
-//! Pairs each source point with the nearest target point, searching only where the last answer may
-//! have changed.
+//! Pairing of each source point with the nearest target point. It searches only if the last answer
+//! may have changed.
 
+use echoloop_clouds::Pose;
 use echoloop_dispatch::dispatch;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -12,7 +13,6 @@ use super::pairs::{CHUNK, Pairs};
 use crate::Target;
 use crate::geometry::box_tree::{BoxTree, LaneKernel, Portable};
 use crate::prepared::RangeNoise;
-use echoloop_clouds::Pose;
 
 /// Rounding of `f32` distances, relative, with room: a match within this of a tie is searched anew.
 const ROUNDING: f32 = 1e-6;
@@ -21,29 +21,29 @@ const ROUNDING: f32 = 1e-6;
 /// result outlives small steps.
 const SLACK: f32 = 0.125;
 
-/// The points to be moved, and their normals where the method wants them.
+/// The points to be moved, and their normals if the method needs them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moving<'a> {
     /// Sensor frame, m; neighbours in the list should be neighbours in space.
     pub(crate) points: &'a [Point3<f32>],
-    /// One a point, or none at all.
+    /// Normal of each point, or empty.
     pub(crate) normals: &'a [Vector3<f32>],
     pub(crate) noise: &'a RangeNoise,
 }
 
-/// What the last search for a source point found. It holds until the point has moved far enough for
-/// another target point to be nearer, which the triangle inequality tells without a search.
+/// Result of the last search for a source point. It holds until the point has moved far enough for
+/// another target point to be nearer, by the triangle inequality, without a search.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LastSearch {
     /// The nearest target point.
     index: Option<u32>,
-    /// All others were at least this far, m.
+    /// Distance below which there was no other target point, m.
     others_m: f32,
-    /// Where the search was made.
+    /// The point at the last search.
     at: Point3<f32>,
 }
 
-/// How far pairs may be apart, and how much farther to look, m.
+/// Longest distance of a pair, and how much farther to look, m.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
     pair_m: f32,
@@ -57,7 +57,7 @@ impl Reach {
 }
 
 impl LastSearch {
-    /// Never holds.
+    /// A result that never holds.
     const UNKNOWN: Self =
         Self { index: None, others_m: f32::NEG_INFINITY, at: Point3::new(0.0, 0.0, 0.0) };
 
@@ -120,7 +120,7 @@ pub(crate) fn sum_pairs<E: Equations>(
     })
 }
 
-/// Two clouds, and where the source is.
+/// Two clouds, and the pose of the source.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Placed<'a> {
     pub(crate) target: &'a Target,
@@ -133,15 +133,15 @@ pub(crate) struct Placed<'a> {
 }
 
 impl Placed<'_> {
-    /// What the error of the ranges adds to the variance of a residual, in the middle, m²;
-    /// absent where neither sensor tells it.
+    /// Median variance of the residuals due to the errors of the ranges, m²;
+    /// None when neither sensor reports them.
     pub(crate) fn noise_m2(&self) -> Option<f64> {
         let of = [&self.target.noise, self.source.noise];
         let told = of.iter().any(|noise| !noise.variances_m2.is_empty());
         told.then(|| of.iter().map(|noise| noise.median_m2).sum())
     }
 
-    /// What `of` makes of each chunk of source points and their last searches, in the points'
+    /// Results of `of` for each chunk of source points and their last searches, in the points'
     /// order, on any number of threads.
     pub(crate) fn in_chunks<T: Send>(
         &self,
@@ -155,18 +155,18 @@ impl Placed<'_> {
     }
 }
 
-/// What the search for pairs leaves behind for the next: one a source point.
+/// Results of the last search for pairs, one per source point, for the next search.
 #[derive(Clone, Debug)]
 pub(crate) struct Found(Vec<LastSearch>);
 
 impl Found {
-    /// Nothing yet, of so many source points.
+    /// Empty results for `points` source points.
     pub(crate) fn nothing(points: usize) -> Self {
         Self(vec![LastSearch::UNKNOWN; points])
     }
 }
 
-/// Some source points that follow each other, and where they are now.
+/// Consecutive source points, and their pose.
 #[derive(Clone, Copy)]
 pub(crate) struct Chunk<'a> {
     placed: &'a Placed<'a>,

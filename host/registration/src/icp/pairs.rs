@@ -12,7 +12,7 @@ pub(crate) const CHUNK: usize = 256;
 /// The pairs of a chunk, in the target's frame, coordinate by coordinate.
 #[derive(Clone, PartialEq)]
 pub(crate) struct Pairs {
-    /// Where the source point is, m.
+    /// The source point, m.
     s: [[f64; CHUNK]; 3],
     /// From the target point to the source point, m.
     d: [[f64; CHUNK]; 3],
@@ -20,7 +20,7 @@ pub(crate) struct Pairs {
     n: [[f64; CHUNK]; 3],
     /// The source's normal, turned as the source is; zeros where the method does not want it.
     m: [[f64; CHUNK]; 3],
-    /// What the error of both ranges adds to the variance of the distance from the plane, m².
+    /// Variance of the distance from the plane due to the errors of both ranges, m².
     noise_m2: [f64; CHUNK],
     len: usize,
 }
@@ -45,7 +45,7 @@ pub(crate) struct Group {
     pub(crate) m: [Lane; 3],
     /// From the target's plane to the source point, m: `n · d`.
     pub(crate) r: Lane,
-    /// What each pair weighs: 0 in a lane without one.
+    /// Weight of each pair; 0 in a lane without one.
     pub(crate) w: Lane,
 }
 
@@ -73,7 +73,7 @@ impl Pairs {
         self.len += 1;
     }
 
-    /// How many there are.
+    /// Count of the pairs.
     pub(crate) fn len(&self) -> usize {
         self.len
     }

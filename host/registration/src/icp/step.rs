@@ -1,11 +1,11 @@
-//! What a least squares comes to.
+//! The step that solves a least squares.
 
 use echoloop_clouds::Pose;
 
 /// A small motion in the target's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// What moves the source points nearer.
+    /// The motion of the source points.
     pub motion: Pose,
     /// The angle it turns, rad.
     pub angle_rad: f64,

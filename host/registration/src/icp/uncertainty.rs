@@ -1,4 +1,4 @@
-//! How far off the motion at the end of a run may be.
+//! Covariance of the motion at the end of a run.
 
 use nalgebra::{Matrix6, Vector6};
 
@@ -21,7 +21,7 @@ const LEAST_SHARE: f64 = 0.1;
 /// A cluster that holds a direction alone counts 1 / LEAST_REST times what it says at most.
 const LEAST_REST: f64 = 0.01;
 
-/// Of the pairs' spread: rounding of `f32` coordinates, with room.
+/// Rounding of `f32` coordinates over the spread of the pairs, with room.
 const ROUNDING: f64 = 1e-6;
 
 /// Least information of a direction, of the mean of all: what is below cannot be inverted.
@@ -82,7 +82,7 @@ struct Part<E> {
     clusters: Vec<Cluster>,
 }
 
-/// What a cluster says.
+/// Sums over a cluster.
 struct Cluster {
     /// Σ w j r.
     score: Vector6<f64>,
@@ -91,7 +91,7 @@ struct Cluster {
 }
 
 impl<E: Equations> Part<E> {
-    /// Of a chunk, cluster by cluster.
+    /// The sums of a chunk, cluster by cluster.
     fn of(chunk: &Chunk, matches: &mut [LastSearch], kernel: Kernel, asked: Kernel) -> Self {
         let mut part = Self::default();
         for (number, matches) in matches.chunks_mut(CLUSTER).enumerate() {
@@ -203,7 +203,7 @@ impl<'a> Within<'a> {
         self.seen * self.centred.right(sums) * self.scale
     }
 
-    /// What makes a square of these invertible and changes nothing else.
+    /// An addition that makes a square of these invertible and changes nothing else.
     fn rest(&self) -> Matrix6<f64> {
         self.open + Matrix6::identity() * RIDGE
     }

@@ -18,19 +18,19 @@ pub(super) struct RootCliques {
     /// For each node of a clique, the heaviest that holds it: nodes ascending, and the weight. In
     /// the order found.
     pub(super) heaviest: Vec<(Vec<u32>, f64)>,
-    /// All that were found, heaviest or not.
+    /// Count of all cliques found.
     pub(super) cliques: usize,
-    /// The search ended before all were.
+    /// True when the search ended before all were found.
     pub(super) cut: bool,
 }
 
-/// What the searches of all roots share.
+/// State shared by the searches from all roots.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CliqueProblem<'a> {
     pub(super) graph: &'a Graph,
     /// The place of each node in the degeneracy order.
     pub(super) ranks: &'a [u32],
-    /// Nodes of a clique, at least.
+    /// Least count of nodes of a clique.
     pub(super) least: usize,
 }
 
@@ -48,9 +48,9 @@ pub(super) struct CliqueSearch {
     least: usize,
     max_cliques: usize,
     words: u64,
-    /// Of each depth: candidates, then nodes that have been candidates, then earlier ones.
+    /// Nodes by depth: candidates, then former candidates, then earlier nodes.
     sets: Vec<u64>,
-    /// Of the nodes that are no candidates, those linked to all candidates.
+    /// Nodes that are no candidates but linked to all of them.
     common: Vec<u64>,
     clique: Vec<u32>,
     best: Vec<Option<(f64, usize)>>,
@@ -149,7 +149,7 @@ impl CliqueSearch {
         self.sets[word + words] |= bit;
     }
 
-    /// Whether a node that is no candidate is linked to all candidates, so that no clique below is
+    /// True when a node that is no candidate is linked to all candidates: then no clique below is
     /// maximal.
     fn is_known(&mut self, base: usize) -> bool {
         let (words, earlier_words) = (self.local.later_words, self.local.earlier_words);

@@ -1,4 +1,4 @@
-//! Which matches are compatible: the graph whose cliques may be motions.
+//! The graph of compatible matches, whose cliques propose motions.
 
 use rayon::prelude::*;
 
@@ -15,11 +15,11 @@ use crate::features::PointPair;
 /// Neighbours ascend. Memory: `n²/8` bytes while the graph is made, then 16 bytes a neighbour.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Graph {
-    /// Where each node's neighbours start, `[n + 1]`.
+    /// Index of the first neighbour of each node, `[n + 1]`.
     starts: Vec<usize>,
     neighbours: Vec<u32>,
     weights: Vec<f32>,
-    /// Where the same edge stands among the neighbours of the other node.
+    /// Index of the same edge among the neighbours of the other node.
     reverse: Vec<u32>,
 }
 
@@ -76,17 +76,17 @@ impl Graph {
         next[j] += 1;
     }
 
-    /// How many nodes there are.
+    /// Count of the nodes.
     pub(super) fn len(&self) -> usize {
         self.starts.len().saturating_sub(1)
     }
 
-    /// How many edges there are.
+    /// Count of the edges.
     pub(super) fn edges(&self) -> usize {
         self.neighbours.len() / 2
     }
 
-    /// How many neighbours a node has.
+    /// Count of the neighbours of a node.
     pub(super) fn degree(&self, node: usize) -> usize {
         self.starts[node + 1] - self.starts[node]
     }
@@ -106,7 +106,7 @@ impl Graph {
         &self.weights
     }
 
-    /// Where each edge stands a second time.
+    /// Index of the second entry of each edge.
     pub(super) fn reverse(&self) -> &[u32] {
         &self.reverse
     }
@@ -128,7 +128,7 @@ impl Graph {
     }
 }
 
-/// Which matches are compatible, a bit for each pair of them: `n²/8` bytes.
+/// Compatible pairs of matches, a bit for each pair: `n²/8` bytes.
 #[derive(Clone, Debug)]
 pub(super) struct Compatible {
     /// Row `i` knows the columns after `i`.

@@ -1,17 +1,17 @@
-//! Motions that cliques propose, and how well they do.
+//! Motions that cliques propose, and their scores.
 
+use echoloop_clouds::Pose;
 use rayon::prelude::*;
 
 use super::score::Scorer;
 use crate::features::PointPair;
 use crate::rigid::rigid;
-use echoloop_clouds::Pose;
 
-/// A motion and what all matches say to it.
+/// A motion and its score over all matches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Hypothesis {
     pub(super) target_from_source: Pose,
-    /// Of the MAE metric, in matches.
+    /// Score by the MAE metric, in matches.
     pub(super) score: f64,
 }
 
@@ -30,7 +30,7 @@ pub(super) fn propose(
     proposed
 }
 
-/// Whether a motion is clearly another than `best`: whether it moves the matches that agree with
+/// True when a motion is clearly another than `best`: it moves the matches that agree with
 /// `best` by more than `2 τ` from where that has them (root mean square).
 pub(super) fn is_another(
     other: &Pose,

@@ -1,4 +1,4 @@
-//! The part of the graph that one root of the search sees.
+//! The subgraph around one root of the search.
 
 use super::graph::Graph;
 use crate::bits::WORD;
@@ -15,7 +15,7 @@ const ABSENT: u32 = u32::MAX;
 pub(super) struct Local {
     /// Nodes of the graph, by local index.
     pub(super) nodes: Vec<u32>,
-    /// How many of them are later.
+    /// Count of the later ones among them.
     pub(super) later: usize,
     /// Words of a row over the later ones.
     pub(super) later_words: usize,
@@ -109,7 +109,7 @@ impl Local {
         &self.rows[local * self.row_words() + self.later_words..][..self.earlier_words]
     }
 
-    /// What a later one weighs with others.
+    /// Weights of a later one with the others.
     pub(super) fn weight_with(&self, local: usize, others: &[u32]) -> f64 {
         let row = &self.weights[local * (self.later + 1)..][..self.later];
         others.iter().map(|&other| f64::from(row[other as usize])).sum()

@@ -14,6 +14,8 @@ mod weights;
 #[allow(clippy::unwrap_used)]
 mod tests;
 
+use echoloop_clouds::{Cloud, Pose};
+
 use graph::{Compatible, Graph};
 use hypotheses::{Hypothesis, is_another};
 use score::{Scorer, exact_score};
@@ -22,16 +24,14 @@ use super::features::PointPair;
 use super::global::matched;
 use super::{ConfigError, Consensus, MacConfig, Outcome, Registration, StopReason};
 use crate::correspondences::{Inliers, LengthBounds, Refit, Refitted, Until, within};
-use echoloop_clouds::Cloud;
-use echoloop_clouds::Pose;
 
 /// A motion has six unknowns, a match determines three, and two leave a turn open.
 const LEAST_MATCHES: usize = 3;
 
-/// Motions that are refitted in search of a runner-up to the best.
+/// Most motions that are refitted in search of the second best.
 const MAX_RUNNERS_UP: usize = 32;
 
-/// Motions that are looked at in search of candidates.
+/// Most motions that are examined in search of candidates.
 const MAX_CANDIDATES: usize = 200;
 
 /// Registration with maximal cliques.
@@ -55,7 +55,7 @@ pub struct Mac {
     config: MacConfig,
 }
 
-/// What a registration found, and on what grounds.
+/// The motion found, and the evidence for it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MacReport {
     /// The motion.
@@ -93,7 +93,7 @@ impl Mac {
         self.report(pairs, &Pose::identity()).outcome
     }
 
-    /// The same, with the grounds. The pose is `initial` where nothing was found.
+    /// [`Self::solve`] with the evidence. The pose is `initial` if nothing was found.
     pub fn report(&self, pairs: &[PointPair], initial: &Pose) -> MacReport {
         let finite: Vec<PointPair> = pairs.iter().copied().filter(is_finite).collect();
         let mut report = MacReport::nothing(initial, pairs.len());
@@ -128,7 +128,7 @@ impl Mac {
         found.motions.iter().map(|(motion, _)| motion.target_from_source).collect()
     }
 
-    /// The motions that cliques propose, best first; the report hears how many there were.
+    /// The motions that cliques propose, best first; their count goes into the report.
     fn propose(&self, finite: &[PointPair], report: &mut MacReport) -> Vec<Hypothesis> {
         let (nodes, graph) = self.graph(finite);
         let selection = select::heaviest(&graph, self.config.least_clique, self.config.max_cliques);
@@ -164,7 +164,7 @@ impl Mac {
         (nodes, graph.second_order())
     }
 
-    /// Refits the best motion and its runner-up, and says what speaks for the better one.
+    /// Refits the best motion and the second best; returns the better one with its evidence.
     fn conclude(&self, pairs: &[PointPair], proposed: &[Hypothesis], outcome: &mut Outcome) {
         let Some(first) = proposed.first() else {
             return;
@@ -228,7 +228,7 @@ impl Distinct {
         self.motions.iter().all(is_another)
     }
 
-    /// Adds a refitted motion, unless it has come to one that is there.
+    /// Adds a refitted motion, unless it is near one that is there.
     fn add(&mut self, refitted: Refitted<f64>, pairs: &[PointPair]) {
         if self.is_new(&refitted.target_from_source) {
             let inliers = within(pairs, &refitted.target_from_source, self.tau_m);
@@ -267,8 +267,8 @@ impl Outcome {
     }
 }
 
-/// What the best motion of unrelated matches may score, in matches: chance finds better ones where
-/// there are more.
+/// Highest score of the best motion among unrelated matches, in matches. More matches score higher
+/// by chance.
 ///
 /// Fitted, with τ of two voxels, to simulated scans: 42 pairs of unrelated ones with 440 to 6100
 /// matches, 44 with 80 to 300, and 60 right motions. Of the 44, 19 passed before the sparse ones

@@ -1,11 +1,11 @@
-//! How well a motion agrees with all matches.
+//! Score of a motion over all matches.
 
+use echoloop_clouds::Pose;
 use echoloop_dispatch::dispatch;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::correspondences::{Centroids, Columns, Residuals};
 use crate::features::PointPair;
-use echoloop_clouds::Pose;
 
 /// Matches taken at a time: one 256-bit vector of `f32`.
 const LANES: usize = 8;

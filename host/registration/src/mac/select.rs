@@ -6,10 +6,10 @@ use super::cliques::{CliqueProblem, CliqueSearch, RootCliques};
 use super::degeneracy_order::degeneracy_ranks;
 use super::graph::Graph;
 
-/// Roots searched between two looks at how many cliques there are.
+/// Roots searched between two checks of the count of cliques.
 const ROUND: usize = 256;
 
-/// The cliques that are worth a hypothesis.
+/// The cliques that propose motions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Selection {
     /// Distinct, nodes ascending, in the order found.
@@ -49,7 +49,7 @@ pub(super) fn heaviest(graph: &Graph, least: usize, max_cliques: usize) -> Selec
 /// The heaviest so far.
 #[derive(Debug, Default)]
 struct Best {
-    /// Of each node: the weight, and which of the cliques.
+    /// Weight and index of the best clique of each node.
     of: Vec<Option<(f64, usize)>>,
     selection: Selection,
 }
@@ -102,7 +102,7 @@ mod tests {
         places.zip(weights).filter_map(|((i, j), w)| Some((i, j, f32::from((*w)?)))).collect()
     }
 
-    /// Of a published enumerator: each clique with its weight.
+    /// The cliques of a published enumerator, with their weights.
     fn oracle(nodes: usize, edges: &[(usize, usize, f32)]) -> Vec<(BTreeSet<u32>, f64)> {
         let mut graph = UnGraph::<(), ()>::default();
         (0..nodes).for_each(|_| _ = graph.add_node(()));

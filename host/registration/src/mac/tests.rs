@@ -1,5 +1,6 @@
 //! Registration with maximal cliques on matches whose motion is known.
 
+use echoloop_clouds::pose::{read_pose, rotation_error_deg};
 use nalgebra::{Point3, Vector3};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
@@ -7,7 +8,6 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::correspondences::length_difference_m;
-use echoloop_clouds::pose::{read_pose, rotation_error_deg};
 
 fn random_point(rng: &mut ChaCha8Rng, half_m: f64) -> Point3<f64> {
     Point3::from([0; 3].map(|_| rng.random_range(-half_m..half_m)))

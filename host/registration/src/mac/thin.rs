@@ -1,4 +1,4 @@
-//! Fewer matches, where all would take too long.
+//! Thinning of matches when all would take too long.
 
 use std::cmp::Reverse;
 
@@ -8,7 +8,7 @@ use super::graph::Compatible;
 use crate::correspondences::LengthBounds;
 use crate::features::PointPair;
 
-/// How many matches stand for all when degrees are estimated.
+/// Sample of the matches by which degrees are estimated.
 const SAMPLE: usize = 1024;
 
 /// Steps that weighing and searching a graph may take: Σ degree². Some tenths of a second on one

@@ -1,4 +1,4 @@
-//! How far the rest of the matches backs two that are compatible.
+//! Support of two compatible matches by all others.
 
 use rayon::prelude::*;
 
@@ -42,7 +42,7 @@ impl Graph {
         self.weighing(weights)
     }
 
-    /// Of two nodes, the one whose row is written out.
+    /// The node of the two whose row is expanded.
     fn is_longer(&self, a: usize, b: usize) -> bool {
         (self.degree(a), a) > (self.degree(b), b)
     }

@@ -1,11 +1,11 @@
-//! Any method, and a second opinion on what it found.
+//! Any method, with a check of its motion on the scans.
+
+use echoloop_clouds::{Cloud, Pose};
 
 use super::Scene;
 use crate::{Outcome, PrepareError, Registration, StopReason};
-use echoloop_clouds::Cloud;
-use echoloop_clouds::Pose;
 
-/// Runs a method, then asks the scans whether they bear its motion out.
+/// Runs a method, then checks its motion on both scans.
 ///
 /// | the method | the scans | stop |
 /// |---|---|---|
@@ -14,13 +14,13 @@ use echoloop_clouds::Pose;
 /// | no consensus | confirm | converged |
 /// | anything else | not asked where nothing was found | the method's |
 ///
-/// A local method converges wherever it starts, and matches agree by chance: neither knows of it.
-/// Few matches that agree may be right, too: the points of both scans say more than they do.
+/// A local method converges wherever it starts, and matches may agree by chance; neither notices.
+/// Conversely, a few matches that agree may be right. The points of both scans decide.
 #[derive(Clone, Debug)]
 pub struct Confirmed<M> {
-    /// What finds the motion.
+    /// The method that finds the motion.
     pub method: M,
-    /// To what the clouds are thinned for the question, m.
+    /// Voxel of the clouds for the check, m.
     pub voxel_m: f64,
 }
 

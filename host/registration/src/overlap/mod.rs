@@ -1,9 +1,8 @@
-//! Whether two scans bear a motion out: what lies on what, and what was seen through.
+//! Checking a motion on two scans: points that lie on each other, and points seen through.
 //!
 //! ```
-//! use echoloop_registration::cloud::Cloud;
 //! use echoloop_registration::overlap::Scene;
-//! use echoloop_registration::pose::Pose;
+//! use echoloop_registration::{Cloud, Pose};
 //!
 //! let field = |x: f32, y: f32| [x, y, (0.7 * x).sin() + (0.5 * y + 0.2 * x).cos() - 3.0].into();
 //! let at = |i: i32| field((i % 100 - 50) as f32 * 0.2, (i / 100 - 50) as f32 * 0.2);
@@ -17,6 +16,7 @@
 mod confirmed;
 mod range_image;
 
+use echoloop_clouds::{Cloud, Pose};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rayon::prelude::*;
 
@@ -26,8 +26,6 @@ use crate::geometry::kdtree::KdTree;
 use crate::geometry::normals;
 use crate::prepared::thinned;
 use crate::{Convention, PrepareError};
-use echoloop_clouds::Cloud;
-use echoloop_clouds::Pose;
 
 /// Voxels in the radius of normals, and how many neighbours make one.
 const NORMAL_VOXELS: f64 = 4.0;
@@ -35,28 +33,28 @@ const NORMAL_VOXELS: f64 = 4.0;
 /// See [`NORMAL_VOXELS`].
 const NORMAL_NEIGHBOURS: usize = 12;
 
-/// A point farther from all others than this, over the voxel, lies on nothing.
+/// Distance beyond which a point lies on nothing, over the voxel.
 const REACH_VOXELS: f32 = 1.25;
 
-/// A point this far from a surface, over the voxel, supports half.
+/// Distance from a surface at which a point counts half, over the voxel.
 const HALF_VOXELS: f32 = 0.375;
 
-/// Directions nearer than this share what was seen there, degrees.
+/// Resolution of the range image, degrees.
 const DIRECTION_DEG: f32 = 2.5;
 
-/// A point was seen through when all that was seen around it lies farther by this share …
+/// A point was seen through if everything seen around it is farther by this share of its range …
 const BEHIND_SHARE: f32 = 0.05;
 
-/// … and by this, over the voxel.
+/// … and by this distance, over the voxel.
 const BEHIND_VOXELS: f32 = 1.25;
 
 /// Points a thread takes at a time.
 const CHUNK: usize = 512;
 
-/// How much a point that was seen through weighs against points that lie on a surface.
+/// Weight of a point that was seen through, over one that lies on a surface.
 const CONTRADICTION: f64 = 3.0;
 
-/// A scan as a motion is judged by: its surface, and how far its sensor saw in every direction.
+/// A scan prepared for checking motions: its surface, and its range image.
 #[derive(Clone, Debug)]
 pub struct Scene {
     points: Vec<Point3<f32>>,
@@ -66,12 +64,12 @@ pub struct Scene {
     voxel_m: f32,
 }
 
-/// What two scans say of a motion. Shares are of the points of both, thinned, 0 to 1.
+/// Evidence of two scans for or against a motion. Shares are of the thinned points of both, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Overlap {
-    /// On a surface of the other scan that faces the same way: each by how near it is.
+    /// Points on a surface of the other scan that faces the same way, weighted by distance.
     pub supported: f64,
-    /// Where the other sensor saw through: its echoes from there came from farther away.
+    /// Points through which the other sensor saw: its echoes in that direction are farther away.
     pub seen_through: f64,
 }
 
@@ -82,17 +80,17 @@ impl Overlap {
     /// Most points seen through, over those on a surface.
     pub const MOST_SEEN_THROUGH: f64 = 0.02;
 
-    /// Whether the scans bear the motion out.
+    /// True when the scans confirm the motion.
     ///
-    /// Streets look alike, and so does every stretch of ground: how much lies on each other tells
-    /// unrelated scans from right motions badly. But a wall in the wrong place stands where the
-    /// other sensor saw the open, which no right motion of a rigid scene does.
+    /// Streets look alike, and ground lies on ground: the share of points that lie on each other
+    /// separates unrelated scans from right motions badly. But a wall in the wrong place stands
+    /// where the other sensor saw open space, which no right motion of a rigid scene does.
     pub fn confirms(&self) -> bool {
         self.supported >= Self::LEAST_SUPPORTED
             && self.seen_through <= Self::MOST_SEEN_THROUGH * self.supported
     }
 
-    /// What motions are ranked by; higher is better.
+    /// Score by which motions are ranked; higher is better.
     pub fn score(&self) -> f64 {
         self.supported - CONTRADICTION * self.seen_through
     }
@@ -111,7 +109,7 @@ impl Scene {
         Ok(Self { points, normals, tree, image, voxel_m: voxel_m as f32 })
     }
 
-    /// What this scan, the target, and a source say of a motion.
+    /// The evidence of this scan, the target, and a source for a motion.
     pub fn overlap(&self, source: &Self, target_from_source: &Pose) -> Overlap {
         let (there, back) = (target_from_source.cast(), target_from_source.inverse().cast());
         let (forth, again) =
@@ -123,7 +121,7 @@ impl Scene {
         }
     }
 
-    /// How many of these points lie on the other's surface, and how many it saw through.
+    /// Weighted count of these points on the other's surface, and count of those it saw through.
     fn seen_by(&self, other: &Self, other_from_self: &Isometry3<f32>) -> (f64, f64) {
         let chunk = |(points, normals): (&[Point3<f32>], &[Vector3<f32>])| {
             points.iter().zip(normals).fold((0.0, 0.0), |(on, through), (point, normal)| {
@@ -140,7 +138,7 @@ impl Scene {
         sums.iter().fold((0.0, 0.0), |sum, next| (sum.0 + next.0, sum.1 + next.1))
     }
 
-    /// How well a point and its normal lie on the surface; none where nothing is near.
+    /// Fit of a point and its normal to the surface, 0 to 1; None when nothing is near.
     ///
     /// ```text
     /// max(0, n · m) / (1 + (n · d / h)²)       d to the nearest point, n its normal, m the point's

@@ -1,10 +1,9 @@
-//! How far a sensor saw in every direction.
+//! Range image: the distance that a sensor saw in each direction.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-use nalgebra::Point3;
-
 use echoloop_clouds::is_finite;
+use nalgebra::Point3;
 
 /// The nearest range seen in each direction and the eight around it; nothing where no echo came
 /// back, which is no proof of open space: it may have been too dark.
@@ -18,7 +17,7 @@ pub(super) struct RangeImage {
 }
 
 impl RangeImage {
-    /// Of a scan whose sensor is at the origin.
+    /// The range image of a scan, with the sensor at the origin.
     pub(super) fn new(points: &[Point3<f32>], step_deg: f32) -> Self {
         let step_rad = step_deg.to_radians();
         let (columns, rows) = ((TAU / step_rad).round() as usize, (PI / step_rad).round() as usize);

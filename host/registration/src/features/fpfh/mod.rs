@@ -10,26 +10,26 @@ use super::{DIMENSIONS, Features};
 use crate::geometry::neighbours::Neighbours;
 use pair::{BINS, Facing, LANES, PairBins, PairLanes};
 
-/// What the numbers of a histogram add up to.
+/// Sum of the numbers of a histogram.
 const WHOLE: f32 = 100.0;
 
 /// Numbers of a row in memory: whole vectors of eight.
 const STRIDE: usize = DIMENSIONS.next_multiple_of(8);
 
-/// How many points a thread takes at a time.
+/// Points that a thread takes at a time.
 const CHUNK: usize = 256;
 
 /// A point's own histograms: SPFH, padded with zeros.
 type Row = [f32; STRIDE];
 
-/// What all chunks read.
+/// Input of all chunks.
 struct OrientedCloud<'a> {
     /// Points and normals side by side.
     facing: Vec<Facing>,
     neighbours: &'a Neighbours,
 }
 
-/// The features of points with normals: FPFH (Rusu, Blodow and Beetz 2009) as Open3D 0.20 has it.
+/// The features of points with normals: FPFH (Rusu, Blodow and Beetz 2009) as in Open3D 0.20.
 ///
 /// ```text
 /// SPFH(p) = 100 / (k - 1) · Σ bins(p, q)      over the other k - 1 neighbours q
@@ -104,7 +104,7 @@ fn simple_chunk_inline(surface: &OrientedCloud, first: usize, rows: &mut [Row]) 
     }
 }
 
-/// How many pairs of a point fall in each bin, and how many there are.
+/// Counts of the pairs of a point in each bin, and of all.
 #[inline(always)]
 fn count(
     surface: &OrientedCloud,

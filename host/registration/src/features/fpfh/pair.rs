@@ -1,4 +1,4 @@
-//! How two points with normals see each other: three numbers, as bins of their histograms.
+//! The three FPFH angles of two points with normals, as bins of their histograms.
 
 /// Bins of a histogram.
 pub(super) const BINS: usize = 11;
@@ -50,7 +50,7 @@ impl PairLanes {
     /// bin = ⌊11 (f - least) / range⌋, 0 to 10
     /// ```
     ///
-    /// Where d or d × n1 is 0 all three are 0, in the middle bins. The angle itself is never
+    /// If d or d × n1 is 0, all three are 0, in the middle bins. The angle itself is never
     /// computed: it is beyond the edge e when sin(|f1| - e) > 0, which is |y| cos e > x sin e.
     #[inline(always)]
     pub(super) fn bins(&self, normal: [f32; 3], bins: &mut PairBins) {

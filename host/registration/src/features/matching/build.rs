@@ -1,4 +1,4 @@
-//! Which builds of the inner loops run.
+//! The build of the inner loops, chosen by the processor.
 
 use super::rotation::{Rotated, Rotation, rotate, rotate_plain};
 use super::row::Row;
@@ -12,9 +12,9 @@ pub(super) struct Build {
 }
 
 impl Build {
-    /// The fastest that this processor runs.
+    /// The fastest build for this processor.
     pub(super) const FASTEST: Self = Self { rotate, search };
 
-    /// What any processor runs.
+    /// The build for any processor.
     pub(super) const PLAIN: Self = Self { rotate: rotate_plain, search: search_plain };
 }

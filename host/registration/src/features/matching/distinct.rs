@@ -1,9 +1,9 @@
-//! Rows that others repeat.
+//! Duplicate rows.
 
 use super::row::Row;
 use crate::features::DIMENSIONS;
 
-/// The rows, those that repeat an earlier one replaced by zeros, which match nothing.
+/// The rows with duplicates of an earlier row replaced by zeros, which match nothing.
 ///
 /// A row's mutual nearest is the first of its equals: they are all as far from anything, and the
 /// lower index wins.

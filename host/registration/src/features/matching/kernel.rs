@@ -25,7 +25,7 @@ pub(super) trait BoundKernel: Copy {
     fn not_above(self, bounds: &Lanes, limits: &Lanes) -> u32;
 }
 
-/// What any processor runs.
+/// The build for any processor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Portable;
 

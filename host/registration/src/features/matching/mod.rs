@@ -1,4 +1,4 @@
-//! Exact mutual nearest neighbours among features.
+//! Mutual nearest neighbours among features, exact.
 //!
 //! ```text
 //! M = { (s, t) : t = argmin d(s, ·) over targets,  s = argmin d(·, t) over sources }

@@ -1,4 +1,4 @@
-//! The axes along which features differ most, and how far to trust distances along them.
+//! Rotation to the axes along which features differ most, and the error of distances along them.
 
 use echoloop_dispatch::dispatch;
 use nalgebra::{DMatrix, SymmetricEigen};
@@ -19,7 +19,7 @@ const SAMPLE: usize = 2048;
 /// Longest row of which squares and sums stay far from overflow. Beyond it nothing is pruned.
 const MAX_LENGTH: f64 = 1e15;
 
-/// What 2·√8·γ₃₄ comes to (1.2e-5), and more: see [`Rotation::limit`].
+/// A bound above 2·√8·γ₃₄ (1.2e-5): see [`Rotation::limit`].
 const ABSOLUTE: f64 = 2e-5;
 
 /// Relative slack of a distance (not squared): see [`Rotation::limit`].
@@ -91,7 +91,7 @@ pub(super) fn rotate_plain(rotation: &Rotation, rows: &[Row]) -> Vec<Rotated> {
     rotated
 }
 
-/// Whether a row is a feature: finite, and not all zero.
+/// True when a row is a feature: finite, and not all zero.
 pub(super) fn takes_part(row: &Row) -> bool {
     row.iter().all(|x| x.is_finite()) && row.iter().any(|&x| x != 0.0)
 }

@@ -1,4 +1,4 @@
-//! One feature, and how far it is from another.
+//! A feature, and the distance of two features.
 
 use crate::features::DIMENSIONS;
 

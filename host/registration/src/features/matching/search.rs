@@ -1,4 +1,4 @@
-//! Eight queries go down a tree together.
+//! The search of a tree by eight queries together.
 
 #[cfg(target_arch = "x86_64")]
 use echoloop_dispatch::V3;
@@ -14,10 +14,10 @@ use crate::features::{DIMENSIONS, Match};
 /// other is searched.
 const DEPTH: usize = 40;
 
-/// No bound is below it: a query with this limit is over.
+/// The limit of a query that has ended: no bound is below it.
 const OVER: f32 = -1.0;
 
-/// What a query is after.
+/// The result that a query wants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Wanted {
     /// The nearest row.
@@ -26,7 +26,7 @@ pub(super) enum Wanted {
     Counterexample,
 }
 
-/// The tree that a group goes down, and what for.
+/// The tree that a group of queries searches, and the result it wants.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TreeSearch<'a> {
     pub(super) rotation: &'a Rotation,
@@ -68,7 +68,7 @@ impl Group {
         self.index[lane] = queries.index[slot];
     }
 
-    /// The rows of a block, of which nothing is known.
+    /// Queries for the rows of a block, without a result yet.
     pub(super) fn unbounded(queries: &Tree, block: usize) -> Self {
         let mut group = Self::empty();
         for (lane, slot) in (block * WIDTH..(block + 1) * WIDTH).enumerate() {
@@ -99,7 +99,7 @@ impl Group {
         group
     }
 
-    /// The queries, as sources, with what they found.
+    /// The results, with the queries as sources.
     pub(super) fn matches(&self) -> impl Iterator<Item = Match> {
         let lane = |lane: usize| Match {
             source: self.index[lane],
@@ -209,7 +209,7 @@ impl Group {
 }
 
 dispatch! {
-    /// Finds what is wanted for all queries of a group.
+    /// Searches for all queries of a group.
     pub(super) fn search(group: &mut Group, down: &TreeSearch) = search_plain, v3: search_v3;
 }
 

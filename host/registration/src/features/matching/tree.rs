@@ -1,4 +1,4 @@
-//! Boxes in boxes around rotated features.
+//! A tree of boxes around rotated features.
 
 use super::rotation::{AXES, Rotated, takes_part};
 use super::row::{Row, WIDTH};

@@ -3,7 +3,7 @@
 /// As many as a vector of AVX2 holds.
 pub(in crate::geometry) const WIDE: usize = 8;
 
-/// What a processor compares eight numbers with.
+/// Comparisons of eight numbers in the instructions of a processor.
 pub(crate) trait LaneKernel: Copy {
     /// One bit a lane: whether it is at most `limit`.
     fn at_most(self, lanes: &[f32; WIDE], limit: f32) -> u32;

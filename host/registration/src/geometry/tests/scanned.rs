@@ -1,4 +1,4 @@
-//! What tests of searches compare with: all points, looked at one by one.
+//! Full scans, with which tests of searches compare.
 
 use nalgebra::Point3;
 
