@@ -72,16 +72,16 @@ fn document(bytes: &[u8]) -> Result<Gltf, String> {
     if count(b'{') > MAX_OBJECTS || count(b',') > MAX_COMMAS {
         return Err(format!("its JSON has more than {MAX_OBJECTS} objects or {MAX_COMMAS} commas"));
     }
-    let told = |error| match error {
+    let message = |error| match error {
         gltf::Error::Validation(faults) => match faults.first() {
             Some((path, fault)) => shown(&format!("{path}: {fault}")),
             None => "it is not valid".into(),
         },
         error => shown(&error.to_string()),
     };
-    let unchecked = Gltf::from_slice_without_validation(bytes).map_err(told)?;
+    let unchecked = Gltf::from_slice_without_validation(bytes).map_err(message)?;
     check_attributes(unchecked.as_json())?;
-    Gltf::from_slice(bytes).map_err(told)
+    Gltf::from_slice(bytes).map_err(message)
 }
 
 /// Refuses attributes that name a missing accessor: the crate indexes without a check.
@@ -406,7 +406,7 @@ mod tests {
         read(text.as_bytes(), &mut |uri| Err(format!("asked for {uri}")), Surface::Unknown)
     }
 
-    fn said(text: &str) -> String {
+    fn message(text: &str) -> String {
         match parse(text) {
             Err(Fault::Format(what)) => what,
             other => panic!("{other:?}"),
@@ -462,8 +462,8 @@ mod tests {
     #[test]
     fn a_node_that_is_its_own_child_or_shown_twice_is_refused() {
         let circle = r#"{"children":[1]},{"children":[0],"mesh":0}"#;
-        assert!(said(&document(circle, "0", "{}")).contains("two parents"));
-        assert!(said(&document(r#"{"mesh":0}"#, "0,0", "{}")).contains("two parents"));
+        assert!(message(&document(circle, "0", "{}")).contains("two parents"));
+        assert!(message(&document(r#"{"mesh":0}"#, "0,0", "{}")).contains("two parents"));
     }
 
     #[test]
@@ -488,13 +488,13 @@ mod tests {
             ("{", "[", ""),
         ];
         for (from, to, expected) in table {
-            let said = said(&whole.replacen(from, to, 1));
-            assert!(said.contains(expected), "{to}: {said}");
+            let message = message(&whole.replacen(from, to, 1));
+            assert!(message.contains(expected), "{to}: {message}");
         }
         let far = whole.replacen(r#""byteOffset":36"#, r#""byteOffset":12"#, 1);
         assert!(matches!(parse(&far), Err(Fault::Mesh(MeshFault::IndexOutOfRange { .. }))));
         let outside = whole.replacen("data:application", "../x.bin?", 1);
-        assert!(said(&outside).starts_with("asked for ../x.bin?"));
+        assert!(message(&outside).starts_with("asked for ../x.bin?"));
     }
 
     #[test]

@@ -269,8 +269,8 @@ mod tests {
         #[cfg(unix)]
         std::os::unix::fs::symlink("../out.mtl", home.join("link.mtl")).unwrap();
         for name in ["../out.mtl", "below/../../out.mtl", &absolute, "link.mtl", "/dev/zero"] {
-            let said = ReferencedFiles::new(&home, Libraries::Beside).open(name).unwrap_err();
-            assert!(said.contains("another folder"), "{name}: {said}");
+            let message = ReferencedFiles::new(&home, Libraries::Beside).open(name).unwrap_err();
+            assert!(message.contains("another folder"), "{name}: {message}");
             assert_eq!(ReferencedFiles::new(&home, Libraries::None).open(name).unwrap(), []);
         }
         for name in ["../out.mtl", &absolute, "link.mtl"] {
@@ -299,8 +299,8 @@ mod tests {
             ("a%2", "not written in UTF-8"),
         ];
         for (uri, expected) in table {
-            let said = open(Libraries::Beside, uri).unwrap_err();
-            assert!(said.contains(expected), "{uri}: {said}");
+            let message = open(Libraries::Beside, uri).unwrap_err();
+            assert!(message.contains(expected), "{uri}: {message}");
         }
         assert!(open(Libraries::None, "a%20b.bin").unwrap_err().contains("\"none\""));
     }
@@ -310,14 +310,15 @@ mod tests {
     fn only_regular_files_are_opened() {
         let outer = folders();
         let home = outer.path().join("mesh");
-        let said = ReferencedFiles::new(&home, Libraries::Anywhere).open("/dev/zero").unwrap_err();
-        assert!(said.contains("no regular file"), "{said}");
+        let message =
+            ReferencedFiles::new(&home, Libraries::Anywhere).open("/dev/zero").unwrap_err();
+        assert!(message.contains("no regular file"), "{message}");
         let made = std::process::Command::new("mkfifo").arg(home.join("pipe.mtl")).status();
         assert!(made.is_ok_and(|made| made.success()));
-        let said = ReferencedFiles::new(&home, Libraries::Beside).open("pipe.mtl").unwrap_err();
-        assert!(said.contains("no regular file"), "{said}");
-        let said = ReferencedFiles::new(&home, Libraries::Beside).open("below").unwrap_err();
-        assert!(said.contains("no regular file"), "{said}");
+        let message = ReferencedFiles::new(&home, Libraries::Beside).open("pipe.mtl").unwrap_err();
+        assert!(message.contains("no regular file"), "{message}");
+        let message = ReferencedFiles::new(&home, Libraries::Beside).open("below").unwrap_err();
+        assert!(message.contains("no regular file"), "{message}");
     }
 
     #[test]
@@ -328,18 +329,19 @@ mod tests {
             fs::write(home.path().join(format!("{i}.mtl")), "").unwrap();
             names += &format!("{i}.mtl ");
         }
-        let said = ReferencedFiles::new(home.path(), Libraries::Beside).open(&names).unwrap_err();
-        assert_eq!(said, "mtllib \"16.mtl\" is one of more than 16");
+        let message =
+            ReferencedFiles::new(home.path(), Libraries::Beside).open(&names).unwrap_err();
+        assert_eq!(message, "mtllib \"16.mtl\" is one of more than 16");
         let big = fs::File::create(home.path().join("big.mtl")).unwrap();
         big.set_len(MAX_BYTES + 1).unwrap();
-        let said =
+        let message =
             ReferencedFiles::new(home.path(), Libraries::Beside).open("big.mtl").unwrap_err();
-        assert!(said.contains("more than 16 MB"), "{said}");
+        assert!(message.contains("more than 16 MB"), "{message}");
         let absent: Vec<String> = (0..=MAX_NAMES).map(|i| format!("x{i}.mtl")).collect();
-        let said = ReferencedFiles::new(home.path(), Libraries::Beside)
+        let message = ReferencedFiles::new(home.path(), Libraries::Beside)
             .open(&absent.join(" "))
             .unwrap_err();
-        assert_eq!(said, "mtllib \"x1024.mtl\" is one of more than 1024 names");
+        assert_eq!(message, "mtllib \"x1024.mtl\" is one of more than 1024 names");
         let again = "x.mtl ".repeat(MAX_NAMES + 1);
         assert_eq!(
             ReferencedFiles::new(home.path(), Libraries::Beside).open(&again),

@@ -208,7 +208,7 @@ mod tests {
         property float32 y\nproperty float32 z\nproperty float32 CosAngle\nproperty uint32 ObjIdx\n\
         property uint32 ObjTag\nend_header\n";
 
-    fn said(text: &str) -> String {
+    fn message(text: &str) -> String {
         parse_semantic(text.as_bytes(), Tags::Carla0914).unwrap_err()
     }
 
@@ -262,8 +262,8 @@ mod tests {
             ("hello".into(), "magic"),
         ];
         for (file, expected) in table {
-            let said = said(&file);
-            assert!(said.contains(expected), "{said}");
+            let message = message(&file);
+            assert!(message.contains(expected), "{message}");
         }
     }
 

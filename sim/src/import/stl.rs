@@ -132,7 +132,7 @@ mod tests {
     const FACET: &str = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n\
                          vertex 0 1 2.5e0\nendloop\nendfacet\n";
 
-    fn said(bytes: &[u8]) -> String {
+    fn message(bytes: &[u8]) -> String {
         let Err(Fault::Format(what)) = read(bytes, Surface::Unknown) else { panic!("was taken") };
         what
     }
@@ -182,9 +182,9 @@ mod tests {
             ("hello".into(), "found 5 bytes"),
         ];
         for (file, expected) in table {
-            let said = said(file.as_bytes());
-            assert!(said.contains(expected), "{said}");
+            let message = message(file.as_bytes());
+            assert!(message.contains(expected), "{message}");
         }
-        assert_eq!(said(&binary_file("", 2)), "its header promises 2 triangles, found 1");
+        assert_eq!(message(&binary_file("", 2)), "its header promises 2 triangles, found 1");
     }
 }

@@ -134,12 +134,12 @@ fn a_gltf_or_stl_of_100_km_is_refused() {
     let (text, buffer) = gltf(1e5);
     std::fs::write(&path, text).expect("a file");
     std::fs::write(folder.path().join("a b.bin"), buffer).expect("a file");
-    let said = load_scene(&path, &ImportOptions::default()).expect_err("far").to_string();
-    assert!(said.contains("it reaches 100003 m"), "{said}");
+    let message = load_scene(&path, &ImportOptions::default()).expect_err("far").to_string();
+    assert!(message.contains("it reaches 100003 m"), "{message}");
     let stl = "solid\nfacet\nouter loop\nvertex 0 0 0\nvertex 1e5 0 0\nvertex 0 1 0\nendloop\n\
                endfacet\nendsolid\n";
-    let said = load("far.stl", stl.as_bytes()).expect_err("far").to_string();
-    assert!(said.contains("it reaches 100000 m"), "{said}");
+    let message = load("far.stl", stl.as_bytes()).expect_err("far").to_string();
+    assert!(message.contains("it reaches 100000 m"), "{message}");
 }
 
 #[test]
@@ -288,8 +288,8 @@ fn a_plane_that_is_no_ground_is_refused() {
         [0.0, 0.0, f64::NAN],
         [f64::INFINITY, 0.0, 0.0],
     ] {
-        let said = load(bad[0], bad[1], bad[2]).expect_err("no ground").to_string();
-        assert!(said.contains("must rise by at most 1 m per metre"), "{said}");
+        let message = load(bad[0], bad[1], bad[2]).expect_err("no ground").to_string();
+        assert!(message.contains("must rise by at most 1 m per metre"), "{message}");
     }
     let scene = load(0.5, -1.0, -5000.0).expect("steep, but ground");
     assert!(scene.mesh.vertices.iter().flatten().all(|x| x.is_finite()));
@@ -298,9 +298,9 @@ fn a_plane_that_is_no_ground_is_refused() {
 #[test]
 fn a_mesh_names_no_library_of_another_folder() {
     let text = "mtllib ../a.mtl\nv 0 0 0\nv 10 0 0\nv 0 10 0\nf 1 2 3\n";
-    let said = load("tri.obj", text.as_bytes()).expect_err("another folder").to_string();
-    assert!(said.contains("line 1: mtllib \"../a.mtl\" lies in another folder"), "{said}");
-    assert!(said.contains("scene.libraries"), "{said}");
+    let message = load("tri.obj", text.as_bytes()).expect_err("another folder").to_string();
+    assert!(message.contains("line 1: mtllib \"../a.mtl\" lies in another folder"), "{message}");
+    assert!(message.contains("scene.libraries"), "{message}");
 }
 
 fn assert_scannable(scene: &Scene, split: Split) {

@@ -78,8 +78,8 @@ fn elements_may_be_nested_and_user_data_is_not_read() {
     let theirs = r#"<userData s="x"><q hdg="NaN"><q a="-"/></q></userData>"#;
     let kept = straight().replace("</lanes>", &format!("</lanes>{theirs}"));
     assert_eq!(parse(&kept).map(|network| network.lanes().len()), Ok(3));
-    let said = parse(&kept.replace("userData", "ours")).expect_err("numbers that are none");
-    assert!(said.contains("road 7: <ours> has s=\"x\", expected a finite number"), "{said}");
+    let message = parse(&kept.replace("userData", "ours")).expect_err("numbers that are none");
+    assert!(message.contains("road 7: <ours> has s=\"x\", expected a finite number"), "{message}");
 }
 
 #[test]
@@ -113,10 +113,10 @@ fn a_network_may_lie_far_from_the_origin() {
         assert!((way.at[0] + 9000.0 - way.s_m).abs() < 1e-3, "{way:?}");
     }
     assert_eq!(network.check_reach(12_003.0), Ok(()));
-    let said = network.check_reach(12_002.0).expect_err("too far").to_string();
+    let message = network.check_reach(12_002.0).expect_err("too far").to_string();
     assert!(
-        said.starts_with("road 7 reaches 12003 m from the origin, more than 12002 m"),
-        "{said}"
+        message.starts_with("road 7 reaches 12003 m from the origin, more than 12002 m"),
+        "{message}"
     );
 }
 
@@ -129,9 +129,9 @@ fn links_that_lead_nowhere_are_remarks() {
     };
     for kind in ["road", "junction"] {
         let network = parse(&linked(kind)).expect("a network");
-        let said = format!("road 7: its successor is {kind} \"99\", which is not there");
+        let message = format!("road 7: its successor is {kind} \"99\", which is not there");
         let of_links = network.remarks().iter().filter(|remark| remark.contains("not there"));
-        assert_eq!(of_links.collect::<Vec<_>>(), [&said]);
+        assert_eq!(of_links.collect::<Vec<_>>(), [&message]);
     }
 }
 
@@ -299,9 +299,9 @@ fn a_broken_network_is_refused_by_road_and_fault() {
         ),
     ];
     for (text, expected) in cases {
-        let said = parse(&text).expect_err(expected);
+        let message = parse(&text).expect_err(expected);
         let start = format!("some/town.xodr is not an OpenDRIVE road network: {expected}");
-        assert!(said.starts_with(&start), "{said}\n{start}");
+        assert!(message.starts_with(&start), "{message}\n{start}");
     }
 }
 

@@ -289,21 +289,22 @@ mod tests {
 
     #[test]
     fn a_missing_file_of_carla_is_named_with_its_source() {
-        let said = build_town(Town::Town07, None).expect_err("no folder").to_string();
+        let message = build_town(Town::Town07, None).expect_err("no folder").to_string();
         assert!(
-            said.contains("ECHOLOOP_DATA") && said.contains("carla_xodr/Town07.xodr"),
-            "{said}"
+            message.contains("ECHOLOOP_DATA") && message.contains("carla_xodr/Town07.xodr"),
+            "{message}"
         );
         let empty = tempfile::tempdir().expect("a folder");
-        let said = build_town(Town::Town01, Some(empty.path())).expect_err("no file").to_string();
-        assert!(said.contains("carla_xodr/Town01.xodr is missing"), "{said}");
+        let message =
+            build_town(Town::Town01, Some(empty.path())).expect_err("no file").to_string();
+        assert!(message.contains("carla_xodr/Town01.xodr is missing"), "{message}");
     }
 
     #[test]
     fn a_network_larger_than_a_town_is_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("roads.xodr");
-        let said = |[x, length]: [&str; 2]| {
+        let message = |[x, length]: [&str; 2]| {
             let text = r#"<OpenDRIVE><road id="7" length="LONG"><planView>
 <geometry s="0" x="WEST" y="0" hdg="0" length="LONG"><line/></geometry></planView><lanes>
 <laneSection s="0"><right><lane id="-1" type="driving"><width sOffset="0" a="3"/></lane></right>
@@ -313,13 +314,13 @@ mod tests {
             let town = load_town(&path, SceneKind::Structured, 1);
             town.map(|scene| scene.name).map_err(|error| error.to_string())
         };
-        assert_eq!(said(["-100", "200"]), Ok("roads".to_owned()));
+        assert_eq!(message(["-100", "200"]), Ok("roads".to_owned()));
         for (place, what) in [
             (["6000", "200"], "road 7 reaches 6200 m from the origin, more than 5000 m"),
             (["-1300", "2600"], "it is 2600 m wide, more than 2500 m"),
         ] {
-            let said = said(place).expect_err(what);
-            assert!(said.contains("no town is built on") && said.contains(what), "{said}");
+            let message = message(place).expect_err(what);
+            assert!(message.contains("no town is built on") && message.contains(what), "{message}");
         }
     }
 
