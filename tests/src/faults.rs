@@ -1,7 +1,9 @@
-//! A line that harms what it carries, and a scene that is cheap to look at.
+//! A line that damages messages, a line that clients share, and a cheap scene.
 
+use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::io;
+use std::rc::Rc;
 use std::time::Duration;
 
 use echoloop_frontend::{Analog, FrontEnd, Trigger};
@@ -9,47 +11,47 @@ use echoloop_sensors::transport::Transport;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// How probable each harm is to each message.
+/// Probability of each fault for each message.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rates {
-    /// It never comes.
+    /// The message is lost.
     pub drop: f64,
-    /// One bit of it is another.
+    /// One of its bits is flipped.
     pub flip: f64,
-    /// It comes twice.
+    /// It arrives twice.
     pub duplicate: f64,
-    /// It comes after the next.
+    /// It arrives after the next message.
     pub reorder: f64,
-    /// Its end is missing.
+    /// Its end is cut off.
     pub truncate: f64,
-    /// It comes after one to [`LATEST`] others.
+    /// It arrives after one to [`LATEST`] other messages.
     pub delay: f64,
 }
 
-/// Messages that overtake a delayed one at most.
+/// Largest number of messages that overtake a delayed one.
 pub const LATEST: u64 = 8;
 
 impl Rates {
-    /// Nothing happens.
+    /// No faults.
     pub const NONE: Self = Self::all(0.0);
 
-    /// Each harm with the same probability.
+    /// The same probability for each fault.
     pub const fn all(rate: f64) -> Self {
         Self { drop: rate, flip: rate, duplicate: rate, reorder: rate, truncate: rate, delay: rate }
     }
 }
 
-/// One way of a line: what goes in comes out, or not, or later.
+/// One direction of a line.
 #[derive(Debug, Default)]
 struct Way {
-    /// Messages that went in.
+    /// Number of messages carried.
     passed: u64,
-    /// Held back, each until so many have gone in.
+    /// Delayed messages, each with the value of `passed` at which it is due.
     late: Vec<(u64, Vec<u8>)>,
 }
 
 impl Way {
-    /// Takes one message and gives what comes out; the number of harms done.
+    /// Carries one message; returns the bytes that arrive and the number of faults.
     fn carry(&mut self, message: &[u8], rates: &Rates, rng: &mut ChaCha8Rng) -> (Vec<u8>, usize) {
         let mut bytes = message.to_vec();
         let mut harms = 0;
@@ -85,12 +87,12 @@ impl Way {
     }
 }
 
-/// How often the host had to ask, and for how long it waited.
+/// Numbers of tries of the host's commands, and their duration.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Tries {
-    /// Commands that were answered, or given up, after so many tries; number 0 counts none.
+    /// Number of commands that ended after each number of tries; the first entry is unused.
     pub commands: Vec<u64>,
-    /// The longest that a command took until it was answered, or given up.
+    /// Longest time until a command was answered or given up.
     pub longest: Duration,
     last: Vec<u8>,
     tries: usize,
@@ -98,7 +100,7 @@ pub struct Tries {
 }
 
 impl Tries {
-    /// A repetition is the same bytes again: every command has a number of its own.
+    /// Notes a frame. The same bytes again are a repetition, as every command has its own number.
     fn sent(&mut self, frame: &[u8], now: Duration) {
         if self.last == frame {
             self.tries += 1;
@@ -109,7 +111,7 @@ impl Tries {
         (self.tries, self.began) = (1, now);
     }
 
-    /// The command at hand was the last.
+    /// Ends the current command.
     pub fn end(&mut self, now: Duration) {
         if self.tries > 0 {
             self.commands.resize(self.commands.len().max(self.tries + 1), 0);
@@ -120,39 +122,39 @@ impl Tries {
     }
 }
 
-/// Speed of the line, bits a second; a byte is ten.
+/// Speed of the line, bits a second; a byte takes ten bits.
 pub const BAUD: u32 = 921_600;
 
-/// How long so many bytes are on the line.
+/// Time that some bytes take on the line.
 pub fn on_the_line(bytes: usize) -> Duration {
     Duration::from_secs_f64(10.0 * bytes as f64 / f64::from(BAUD))
 }
 
-/// Does harm to messages, either way, each kind at its own rate. The same seed does the same.
+/// Line that damages messages in both directions, each fault at its own rate. The same seed gives
+/// the same faults.
 ///
-/// A message is what the host sends at once, and a frame of what the sensor answers.
+/// A message is what the host sends at once, or a frame of the sensor's answers.
 pub struct Faulty<T> {
-    /// The line that harms nothing.
+    /// The line without faults.
     pub inner: T,
-    /// How much harm is done from now on.
+    /// Rates of the faults from now on.
     pub rates: Rates,
-    /// Messages harmed so far; one may have been twice.
+    /// Number of faults so far.
     pub harmed: usize,
-    /// Messages carried so far: to the sensor, to the host.
+    /// Number of messages carried: to the sensor, to the host.
     pub carried: [u64; 2],
-    /// What the host did about it.
+    /// Tries of the host's commands.
     pub tries: Tries,
-    /// What a clock beside the line would have counted: bytes at [`BAUD`], and each wait for what
-    /// never came in full.
+    /// Simulated time: bytes at [`BAUD`], and every timeout in full.
     pub now: Duration,
     rng: ChaCha8Rng,
     ways: [Way; 2],
-    /// Came out, not yet fetched.
+    /// Bytes that have arrived and were not fetched yet.
     out: VecDeque<u8>,
 }
 
 impl<T> Faulty<T> {
-    /// A line that does as yet no harm.
+    /// A line that begins without faults.
     pub fn new(inner: T, seed: u64) -> Self {
         Self {
             inner,
@@ -199,7 +201,26 @@ impl<T: Transport> Transport for Faulty<T> {
     }
 }
 
-/// Frames with their zeros at both ends; what is none stays whole.
+/// Line that several clients use in turn.
+pub struct Shared<T>(pub Rc<RefCell<T>>);
+
+impl<T> Clone for Shared<T> {
+    fn clone(&self) -> Self {
+        Self(Rc::clone(&self.0))
+    }
+}
+
+impl<T: Transport> Transport for Shared<T> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.borrow_mut().send(bytes)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+        self.0.borrow_mut().receive(buffer, timeout)
+    }
+}
+
+/// Splits bytes into frames, with the zeros at both ends; anything else stays whole.
 fn messages(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     std::iter::from_fn(move || {
         let end = bytes.windows(2).position(|pair| pair == [0, 0]).map_or(bytes.len(), |at| at + 1);
@@ -209,11 +230,11 @@ fn messages(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-/// A wall: every beam has one echo, at beam-dependent range, whatever the settings; but for gains
-/// below −9 dB, which see nothing.
+/// A cheap front end: every beam has one echo, at a range that depends on the beam. Gains below
+/// −9 dB see nothing; other settings change nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Target {
-    /// Shots so far.
+    /// Number of shots.
     pub shots: u64,
 }
 

@@ -1,4 +1,4 @@
-//! A debugger's end of QEMU's gdb socket: stop, look, change, go on.
+//! Client of QEMU's gdb socket: stops a processor, reads and writes its memory, lets it run.
 
 use std::fmt::Write as _;
 use std::io::{self, Read, Write};
@@ -6,14 +6,14 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// The register's number.
+/// Number of the register.
 const PROGRAM_COUNTER: u8 = 15;
 
-/// A debugger; the processor stands still while it is connected.
+/// A debugger; connecting stops the processor.
 pub struct Gdb(UnixStream);
 
 impl Gdb {
-    /// The emulator's arguments that open a socket for it.
+    /// Arguments with which the emulator opens the socket.
     pub fn arguments(socket: &Path) -> [String; 2] {
         ["-gdb".into(), format!("unix:{},server=on,wait=off", socket.display())]
     }
@@ -22,7 +22,7 @@ impl Gdb {
     ///
     /// # Errors
     ///
-    /// When nobody listens, for seconds.
+    /// When the socket does not open within ten seconds.
     pub fn connect(socket: &Path) -> io::Result<Self> {
         let deadline = Instant::now() + Duration::from_secs(10);
         let stream = loop {
@@ -34,7 +34,7 @@ impl Gdb {
         stream.set_read_timeout(Some(Duration::from_secs(10)))?;
         let mut gdb = Self(stream);
         gdb.ask("?")?;
-        // without it, registers cannot be set one by one
+        // Without this question, single registers cannot be set.
         gdb.ask("qXfer:features:read:target.xml:0,ff0")?;
         Ok(gdb)
     }
@@ -83,7 +83,7 @@ impl Gdb {
         Ok(())
     }
 
-    /// Sends the processor elsewhere.
+    /// Sets the program counter.
     ///
     /// # Errors
     ///
@@ -97,11 +97,11 @@ impl Gdb {
         }
     }
 
-    /// Lets the processor run to an address, which what is done meanwhile makes it come to.
+    /// Lets the processor run to an address; `meanwhile` is called while it runs.
     ///
     /// # Errors
     ///
-    /// When the emulator refuses, or does not come there in ten seconds.
+    /// When the emulator refuses, or the address is not reached in ten seconds.
     pub fn run_to(&mut self, address: u32, meanwhile: impl FnOnce()) -> io::Result<()> {
         self.run_until(&format!("0,{address:x},2"), meanwhile)
     }
@@ -110,14 +110,14 @@ impl Gdb {
     ///
     /// # Errors
     ///
-    /// When the emulator refuses, or it is not written in ten seconds.
+    /// When the emulator refuses, or the word is not written in ten seconds.
     pub fn run_to_write(&mut self, address: u32) -> io::Result<()> {
         self.run_until(&format!("2,{address:x},4"), || {})?;
-        self.send("s")?; // it stops before the instruction that writes
+        self.send("s")?; // the watchpoint stops before the instruction that writes
         self.wait()
     }
 
-    /// Runs to a breakpoint: kind, address, length.
+    /// Runs to a breakpoint, given as "kind,address,length".
     fn run_until(&mut self, breakpoint: &str, meanwhile: impl FnOnce()) -> io::Result<()> {
         self.breakpoint('Z', breakpoint)?;
         self.send("c")?;
@@ -126,13 +126,13 @@ impl Gdb {
         self.breakpoint('z', breakpoint)
     }
 
-    /// Waits until the processor says that it has stopped.
+    /// Waits for the report that the processor has stopped.
     fn wait(&mut self) -> io::Result<()> {
         while !self.packet()?.starts_with('T') {}
         Ok(())
     }
 
-    /// Sets one (Z) or takes it back (z).
+    /// Sets a breakpoint (`Z`) or removes it (`z`).
     fn breakpoint(&mut self, set: char, breakpoint: &str) -> io::Result<()> {
         match self.ask(&format!("{set}{breakpoint}"))?.as_str() {
             "OK" => Ok(()),
@@ -140,7 +140,7 @@ impl Gdb {
         }
     }
 
-    /// Where the processor is.
+    /// Reads the program counter.
     ///
     /// # Errors
     ///
@@ -150,11 +150,11 @@ impl Gdb {
         u32::from_str_radix(&hex, 16).map(u32::swap_bytes).map_err(io::Error::other)
     }
 
-    /// Lets the processor run and goes.
+    /// Disconnects and lets the processor run.
     ///
     /// # Errors
     ///
-    /// When the emulator is gone.
+    /// When the emulator has ended.
     pub fn detach(mut self) -> io::Result<()> {
         self.ask("D").map(drop)
     }
@@ -168,7 +168,7 @@ impl Gdb {
         self.send(command)?;
         loop {
             let answer = self.packet()?;
-            // That the processor has stopped is said unasked, too.
+            // Reports of a stop also come unasked.
             if command == "?" || !answer.starts_with('T') {
                 return Ok(answer);
             }
@@ -185,10 +185,10 @@ impl Gdb {
                 b'$' => within = true,
                 b'#' => break,
                 other if within => text.push(other.into()),
-                _ => {} // acknowledgements
+                _ => {} // an acknowledgement
             }
         }
-        self.0.read_exact(&mut [0; 2])?; // its sum: the socket loses nothing
+        self.0.read_exact(&mut [0; 2])?; // the checksum, not needed on a socket
         self.0.write_all(b"+")?;
         Ok(text)
     }

@@ -1,14 +1,14 @@
-//! What must hold whatever bytes arrive or are stored: the bodies of the fuzz targets in `fuzz/`,
-//! which the ordinary tests run too.
+//! Properties of link, session, store and waveforms on any bytes. The fuzz targets in `fuzz/` and
+//! the ordinary tests call these functions.
 //!
-//! | function | bytes are | must hold, beside that nothing panics |
+//! | function | bytes are | property, besides that nothing panics |
 //! |---|---|---|
-//! | [`frame_decoder`] | a line's, or a payload's | what is accepted is accepted again, as it was |
+//! | [`frame_decoder`] | a line's, or a payload's | an accepted message decodes again as it was |
 //! | [`session`] | commands, noise, restarts, power cuts | a generation names one set of settings |
-//! | [`store`] | a flash's | what is loaded passes the check; what is saved is loaded |
+//! | [`store`] | a flash's | loaded settings pass the check; saved settings are loaded |
 //! | [`waveforms`] | settings, hardware, codes; a file | kernels agree; echoes lie in it, sorted |
 //!
-//! In a session, settings pass the check besides, and what is saved has been active.
+//! In a session, active settings also pass the check, and saved settings have been active.
 
 use std::collections::HashMap;
 use std::fmt::Debug;
@@ -32,11 +32,11 @@ use serde::{Deserialize, Serialize, Serializer};
 
 use crate::faults::Target;
 
-/// The inputs that fuzzing kept for a target: a line of hexadecimal digits each.
+/// Corpus of a fuzz target: the inputs that fuzzing kept, one line of hexadecimal digits each.
 ///
 /// # Panics
 ///
-/// Without such a file below `fuzz/corpus`.
+/// When `fuzz/corpus` has no file for the target.
 pub fn corpus(target: &str) -> Vec<Vec<u8>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus");
     let text = fs::read_to_string(folder.join(target).with_extension("hex")).expect("a corpus");
@@ -49,7 +49,7 @@ pub fn corpus(target: &str) -> Vec<Vec<u8>> {
 
 const HARDWARE: Hardware = Hardware::REFERENCE;
 
-/// A body of any bytes: a frame of it has a right checksum.
+/// Message body of any bytes, to be framed with a right checksum.
 struct Raw<'a>(&'a [u8]);
 
 impl Serialize for Raw<'_> {
@@ -60,7 +60,7 @@ impl Serialize for Raw<'_> {
     }
 }
 
-/// What is accepted, said again, is understood the same.
+/// Checks that an accepted frame, encoded again, decodes to the same message.
 fn said_again<'a, T>(frame: &'a mut [u8], again: &'a mut [u8; MAX_FRAME])
 where
     T: Message + Deserialize<'a> + PartialEq + Debug,
@@ -76,7 +76,7 @@ where
     assert_eq!(decode::<T>(&mut again[..frame.len()]), Ok((sequence, message)));
 }
 
-/// Any bytes, on the line as they are and as the body of a frame.
+/// Decodes any bytes, as they are and as the body of a frame.
 pub fn frame_decoder(bytes: &[u8]) {
     let mut decoder = Decoder::new();
     let framed = [Way::ToSensor, Way::ToHost].map(|way| {
@@ -92,7 +92,7 @@ pub fn frame_decoder(bytes: &[u8]) {
     }
 }
 
-/// After any bytes the next whole frame is understood.
+/// Checks that the next whole frame after any bytes is decoded.
 pub fn resynchronises(garbage: &[u8]) {
     let mut decoder = Decoder::new();
     for &byte in garbage {
@@ -109,7 +109,7 @@ pub fn resynchronises(garbage: &[u8]) {
     assert_eq!(last, Some(true));
 }
 
-/// Bytes to draw from; zeros when they are used up.
+/// Source of random choices from given bytes; zeros when they are used up.
 struct Draw<'a>(&'a [u8]);
 
 impl Draw<'_> {
@@ -131,7 +131,7 @@ impl Draw<'_> {
         (0..self.byte()).map(|_| self.byte()).collect()
     }
 
-    /// Mostly near the default and in range.
+    /// Settings mostly near the default and within bounds.
     fn settings(&mut self) -> Settings {
         let mut settings = Settings::default();
         for _ in 0..self.below(4) {
@@ -148,12 +148,12 @@ impl Draw<'_> {
     }
 }
 
-/// A sensor, and what was observed of it.
+/// A sensor, with a record of its settings.
 struct Observer {
     sensor: PcSensor<Target>,
-    /// What each generation of this start named.
+    /// Settings of each generation since the last start.
     names: HashMap<u32, Settings>,
-    /// Everything that was ever active.
+    /// All settings that were ever active.
     active: Vec<Settings>,
     staged: u32,
     sequence: u16,
@@ -172,7 +172,7 @@ impl Observer {
         }
     }
 
-    /// The power goes and comes back; the flash and this observer remember.
+    /// Switches the power off and on; flash and record stay.
     fn restart(&mut self) {
         let mut store = self.sensor.store_mut().clone();
         store.switch_on();
@@ -208,7 +208,7 @@ impl Observer {
             self.active.push(settings);
         }
         if let Some(saved) = load(self.sensor.store_mut(), &HARDWARE) {
-            assert!(self.active.contains(&saved.settings), "what is saved was never active");
+            assert!(self.active.contains(&saved.settings), "saved settings were never active");
         }
     }
 
@@ -250,7 +250,7 @@ impl Observer {
     }
 }
 
-/// One of the commands about waveforms; their codes are the bytes drawn, over and over.
+/// Sends one of the commands about waveforms; their codes repeat the bytes drawn.
 fn say_of_waveforms(observer: &mut Observer, draw: &mut Draw<'_>) {
     let (frame, beam) = (draw.word() % 4, draw.word() % 6);
     match draw.below(4) {
@@ -273,7 +273,7 @@ fn say_of_waveforms(observer: &mut Observer, draw: &mut Draw<'_>) {
     }
 }
 
-/// A program of at most 64 steps, run by a whole sensor.
+/// Runs a whole sensor through a program of at most 64 steps.
 pub fn session(bytes: &[u8]) {
     let mut draw = Draw(bytes);
     let mut observer = Observer::switch_on(RamNorFlash::default());
@@ -300,8 +300,8 @@ pub fn session(bytes: &[u8]) {
     }
 }
 
-/// A flash that holds any bytes; with a first byte of 1 to 3, either slot or both are made to look
-/// right to their checksum.
+/// Loads, saves and forgets in a flash of any contents; a first byte of 1 to 3 gives the first
+/// slot, the second or both a right checksum.
 pub fn store(bytes: &[u8]) {
     let (forged, rest) = bytes.split_first().map_or((0, bytes), |(first, rest)| (*first, rest));
     let mut image: Vec<u8> =
@@ -327,7 +327,7 @@ pub fn store(bytes: &[u8]) {
     assert_eq!(load(&mut flash, &HARDWARE), None);
 }
 
-/// Gives a slot magic, schema and, as far as its length says, checksum.
+/// Gives a slot the magic, the schema and a right checksum for its length.
 fn forge(slot: &mut [u8]) {
     slot[..4].copy_from_slice(&MAGIC);
     slot[4..12].copy_from_slice(&SETTINGS_SCHEMA.to_le_bytes());
@@ -338,7 +338,8 @@ fn forge(slot: &mut [u8]) {
     slot[end..end + 4].copy_from_slice(&sum.to_le_bytes());
 }
 
-/// A waveform for the sensor's pipeline, one for the search in records, or a file of records.
+/// Processes a waveform with the sensor's pipeline, a record with the echo finder, or a file of
+/// records.
 pub fn waveforms(bytes: &[u8]) {
     let mut draw = Draw(bytes);
     match draw.below(3) {
@@ -349,7 +350,7 @@ pub fn waveforms(bytes: &[u8]) {
 }
 
 impl Draw<'_> {
-    /// All that is left as codes, each as often as the first byte says.
+    /// The rest of the bytes as codes, each repeated as often as the first byte says.
     fn codes(&mut self) -> Vec<u16> {
         let times = 1 + usize::from(self.below(16));
         let pairs = self.0.as_chunks::<2>().0.iter().map(|&pair| u16::from_le_bytes(pair));
@@ -399,7 +400,7 @@ fn record(draw: &mut Draw<'_>) {
             .iter()
             .all(|e| (0..end).contains(&e.time) && (0..end).contains(&e.top) && e.width >= 0)
     );
-    assert_eq!(finder.echoes(&codes, &search), found, "what the memory held changes nothing");
+    assert_eq!(finder.echoes(&codes, &search), found, "used memory changes nothing");
 }
 
 fn file(bytes: &[u8]) {

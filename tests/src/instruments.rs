@@ -1,9 +1,9 @@
-//! Instruments drawn at random, and records of them whose echoes are known.
+//! Random recording instruments, and records with known echoes.
 //!
 //! ```text
 //! pulse     Gaussian ⊛ exponential                                 skewed
-//! response  pulse + tail + damped cosine + later bumps              of area and phase drawn
-//! echo      A · response ⊛ surface               a slope or crowns: Gaussian, box or skewed
+//! response  pulse + tail + damped cosine + later bumps              random levels and phase
+//! echo      A · response ⊛ surface               slope or crowns: Gaussian, box or skewed
 //! record    ambient + drift + Σ echo + correlated noise, clipped and rounded to codes
 //! ```
 //!
@@ -11,38 +11,38 @@
 
 use echoloop_random::{Generator, derive};
 
-/// What sort of instrument.
+/// Kind of instrument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Short pulses, 8 or 12 bits, records cut near the echoes; one echo in four is wide.
     Airborne,
-    /// The same, two echoes in three wide: slopes and crowns.
+    /// As airborne, with two echoes in three wide: slopes and crowns.
     Slopes,
     /// Long smooth pulses in records of a thousand samples: ground below broad layers.
     Spaceborne,
 }
 
-/// Each kind with its name.
+/// All kinds with their names.
 pub const KINDS: [(&str, Kind); 3] =
     [("airborne", Kind::Airborne), ("slopes", Kind::Slopes), ("spaceborne", Kind::Spaceborne)];
 
-/// An instrument.
+/// A random instrument.
 #[derive(Clone, Debug)]
 pub struct Instrument {
     seed: u64,
     kind: Kind,
     /// Full width at half maximum of the pulse's Gaussian.
     width: f64,
-    /// Its exponential's time constant over that width.
+    /// Ratio of the pulse's exponential time constant to its width.
     skew: f64,
     tail: (f64, f64),
     ring: Ring,
-    /// Delay, and level over the pulse's, of bumps.
+    /// Delay of each bump, and its level relative to the pulse's.
     pub after: Vec<(f64, f64)>,
     ambient: f64,
     most: f64,
     sigma: f64,
-    /// σ of the Gaussian that makes noise correlated; 0 is white.
+    /// σ of the Gaussian that correlates the noise; 0: white noise.
     correlation: f64,
     drift: f64,
     response: Curve,
@@ -56,10 +56,10 @@ struct Ring {
     phase: f64,
 }
 
-/// An echo as it was drawn.
+/// Truth of an echo.
 #[derive(Clone, Copy, Debug)]
 pub struct TrueEcho {
-    /// When it is highest.
+    /// Time of its top.
     pub time: f64,
     /// Full width at half maximum.
     pub width: f64,
@@ -70,20 +70,21 @@ pub struct TrueEcho {
 pub struct Record {
     /// Codes.
     pub samples: Vec<f64>,
-    /// By time.
+    /// Echoes by time.
     pub echoes: Vec<TrueEcho>,
 }
 
-/// Values `FINE` times a sample; time 0 lies at `zero`.
+/// Function of time with [`FINE`] values a sample; time 0 is at index `zero`.
 #[derive(Clone, Debug)]
 struct Curve {
     values: Vec<f64>,
     zero: f64,
 }
 
+/// Values of a [`Curve`] per sample.
 const FINE: f64 = 8.0;
 
-/// σ of a Gaussian over its full width at half maximum.
+/// Ratio of a Gaussian's σ to its full width at half maximum.
 const SIGMA: f64 = 0.424_66;
 
 impl Curve {
@@ -103,7 +104,7 @@ impl Curve {
         a + (b - a) * (place - index)
     }
 
-    /// On a surface.
+    /// The curve spread by a surface.
     fn on(&self, surface: Surface) -> Self {
         if surface.sigma <= 0.0 {
             return self.clone();
@@ -121,7 +122,7 @@ impl Curve {
         Self { values, zero: self.zero + half as f64 }
     }
 
-    /// Scaled to 1 at its top, which is at 0; and its full width at half maximum.
+    /// The curve scaled and moved to a top of 1 at time 0, and its full width at half maximum.
     fn normal(mut self) -> (Self, f64) {
         let top = (0..self.values.len())
             .max_by(|&a, &b| self.values[a].total_cmp(&self.values[b]))
@@ -135,10 +136,10 @@ impl Curve {
     }
 }
 
-/// How a target spreads an echo.
+/// Spread of a target in depth.
 #[derive(Clone, Copy, Debug)]
 struct Surface {
-    /// σ of its depths, samples; 0 is a wall.
+    /// σ of its depths, samples; 0: a wall.
     sigma: f64,
     shape: Shape,
 }
@@ -146,19 +147,19 @@ struct Surface {
 #[derive(Clone, Copy, Debug)]
 enum Shape {
     Gaussian,
-    /// A slope under a beam of even light.
+    /// Slope under a uniform beam.
     Box,
-    /// Crowns: dense above, thinner below.
+    /// Tree crowns, denser above than below.
     Skewed,
 }
 
 impl Surface {
-    /// Its share at a depth of so many σ, to a factor.
+    /// Share of the surface at a depth in σ, not normalised.
     fn share(&self, depth: f64) -> f64 {
         match self.shape {
             Shape::Gaussian => (-0.5 * depth * depth).exp(),
             Shape::Box => f64::from(u8::from(depth.abs() <= 3f64.sqrt())),
-            // Gamma of order 4 and σ 1, its mode at 0.
+            // Gamma distribution of order 4 and σ 1, with its mode at 0.
             Shape::Skewed => {
                 let t = 2.0 * depth + 3.0;
                 if t > 0.0 { t.powi(3) * (-t).exp() } else { 0.0 }
@@ -167,7 +168,7 @@ impl Surface {
     }
 }
 
-/// An echo before it is recorded.
+/// An echo to record.
 #[derive(Clone, Copy, Debug)]
 struct Placed {
     time: f64,
@@ -176,7 +177,7 @@ struct Placed {
 }
 
 impl Instrument {
-    /// The instrument of a seed.
+    /// Draws the instrument of a seed.
     pub fn drawn(kind: Kind, seed: u64) -> Self {
         let g = &mut Generator::new(derive(seed, 77, kind as u64), 0);
         let spaceborne = kind == Kind::Spaceborne;
@@ -232,7 +233,7 @@ impl Instrument {
         let (pulse, _) = plain.skewed(self.skew * w).normal();
         let ring = self.ring;
         let late = |t: f64| {
-            // Begins with the flank, not at once.
+            // Begins with the falling flank of the pulse.
             let begin = 1.0 / (1.0 + (-(t - 0.9 * w) / (0.15 * w)).exp());
             let turn = std::f64::consts::TAU * (t - 0.9 * w) / ring.period + ring.phase;
             let ringing = ring.level * turn.cos() * (-(t - 0.9 * w).max(0.0) / ring.decay).exp();
@@ -243,17 +244,17 @@ impl Instrument {
         Curve::of((3.0 * w, 30.0 * w), |t| pulse.at(t) + late(t) + bumps(t)).normal().0
     }
 
-    /// Full width at half maximum of what it records of a short echo.
+    /// Full width at half maximum of the response.
     pub fn response_width(&self) -> f64 {
         self.response.clone().normal().1
     }
 
-    /// What it records of a short echo, so much later than the top, over the top.
+    /// Level of the response at a lag after its top, relative to the top.
     pub fn level(&self, lag: f64) -> f64 {
         self.response.at(lag)
     }
 
-    /// Record number `n` of it.
+    /// Draws record number `n`.
     pub fn record(&self, n: u64) -> Record {
         let g = &mut Generator::new(derive(self.seed, 78 + self.kind as u64, n), 0);
         let placed = self.placed(g);
@@ -281,7 +282,7 @@ impl Instrument {
         Record { samples, echoes }
     }
 
-    /// Echoes by time, far enough apart to be two tops.
+    /// Draws echoes by time, far enough apart to have separate tops.
     fn placed(&self, g: &mut Generator) -> Vec<Placed> {
         let spaceborne = self.kind == Kind::Spaceborne;
         let count = match (g.unit(), spaceborne) {
@@ -338,7 +339,7 @@ impl Instrument {
 }
 
 impl Curve {
-    /// Through an exponential of a time constant, samples.
+    /// The curve behind an exponential of a time constant, samples.
     fn skewed(&self, constant: f64) -> Self {
         if constant <= 0.0 {
             return self.clone();
@@ -355,17 +356,17 @@ impl Curve {
     }
 }
 
-/// How plain local maxima are set.
+/// Baseline method: local maxima of the smoothed record.
 #[derive(Clone, Copy, Debug)]
 pub struct LocalMaxima {
-    /// σ of the Gaussian before, samples.
+    /// σ of the Gaussian smoothing, samples.
     pub smoothing: f64,
-    /// Least height and least prominence over the record's range.
+    /// Least height and least prominence, relative to the record's range.
     pub share: f64,
 }
 
 impl LocalMaxima {
-    /// Times of the maxima; plateaus count at their middle.
+    /// Times of the maxima; a plateau counts once, at its middle.
     pub fn find(&self, samples: &[f64]) -> Vec<f64> {
         let y = self.smoothed(samples);
         let least = y.iter().copied().fold(f64::INFINITY, f64::min);
@@ -401,7 +402,7 @@ impl LocalMaxima {
     }
 }
 
-/// How far one must go down from a top to get higher.
+/// Prominence of a top: least descent on the way to a higher value.
 fn prominence(y: &[f64], first: usize, last: usize) -> f64 {
     let top = y[first];
     let lowest =
@@ -411,20 +412,20 @@ fn prominence(y: &[f64], first: usize, last: usize) -> f64 {
     top - left.max(right)
 }
 
-/// What was found of some records.
+/// Detections in some records, counted.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Score {
-    /// Echoes there are.
+    /// True echoes.
     pub echoes: usize,
-    /// Found in their places: within two samples or three tenths of their width.
+    /// True echoes found within two samples or three tenths of their width.
     pub found: usize,
-    /// Found where there are none.
+    /// Detections without a true echo.
     pub extra: usize,
     /// Records.
     pub records: usize,
-    /// Records of one echo.
+    /// Records with one true echo.
     pub singles: usize,
-    /// Of those, with one found.
+    /// Records with one true echo and one detection.
     pub kept: usize,
 }
 
@@ -447,7 +448,7 @@ impl Score {
         self.found as f64 / self.echoes as f64
     }
 
-    /// Extra echoes a record.
+    /// Extra echoes per record.
     pub fn extras(&self) -> f64 {
         self.extra as f64 / self.records as f64
     }
@@ -458,7 +459,7 @@ impl Score {
     }
 }
 
-/// How many pair up, nearest first.
+/// Number of pairs of a true echo and a detection, nearest first.
 fn paired(truth: &[TrueEcho], times: &[f64]) -> usize {
     let mut pairs = Vec::new();
     for (i, echo) in truth.iter().enumerate() {

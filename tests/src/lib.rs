@@ -1,16 +1,17 @@
-//! Models of the DSP and vectors, shared by the cross-crate tests.
+//! Models, test vectors and fixtures shared by the tests that cross crates.
 //!
-//! | module | answers |
+//! | module | contents |
 //! |---|---|
-//! | [`vectors`] | which waveforms? |
-//! | [`bit_true`] | is the integer code what its tables say? Rounds as they do; compared by `==` |
-//! | [`float_reference`] | is that good enough? Never rounds; compared within [`tolerance`] |
-//! | [`target`], [`gdb`] | does the microcontroller say the same? Boards in QEMU |
-//! | [`faults`] | what if the line is bad? |
-//! | [`instruments`] | whose recordings, and which echoes are in them? |
-//! | [`harness`] | what if the bytes are any? |
-//! | [`wall`] | what does the sensor see? |
-//! | [`readers`] | what if a file is any? |
+//! | [`vectors`] | random settings and waveforms |
+//! | [`bit_true`] | detector model that rounds as specified; the integer code must equal it |
+//! | [`float_reference`] | detector model that never rounds; compared within [`tolerance`] |
+//! | [`wall`] | a sensor in front of a wall |
+//! | [`instruments`] | random recording instruments, and records with known echoes |
+//! | [`moments`] | mean and standard deviation of samples |
+//! | [`target`], [`gdb`] | boards in QEMU, and a debugger for them |
+//! | [`faults`] | a line that damages messages, a cheap scene |
+//! | [`harness`] | fuzz targets for link, session, store and waveforms |
+//! | [`readers`] | fuzz targets for file readers |
 
 pub mod bit_true;
 pub mod faults;
@@ -19,8 +20,8 @@ pub mod float_reference;
 pub mod gdb;
 pub mod harness;
 pub mod instruments;
+pub mod moments;
 pub mod readers;
-
 #[cfg(unix)]
 pub mod target;
 pub mod tolerance;

@@ -1,7 +1,7 @@
-//! What must hold of every reader, whatever the file: it gives what its format can hold, or says
-//! little. The bodies of fuzz targets and of attacks.
+//! Properties of every file reader on any bytes: the result is valid, or the refusal is short. Fuzz
+//! targets and attacks call these functions.
 //!
-//! | function | bytes are | must hold of what is read |
+//! | function | bytes are | property of the result |
 //! |---|---|---|
 //! | [`obj`] | a mesh; after a zero byte its material library | it can be scanned |
 //! | [`mesh_ply`] | a mesh | it can be scanned |
@@ -11,9 +11,9 @@
 //! | [`rows`] | waveforms or a response, CSV or NumPy | finite, no more than bytes |
 //! | [`pose`] | a motion | a rotation |
 //! | [`configuration`] | TOML | it reads back as itself |
-//! | [`journal`] | lines; also with checksums put on | no more generations than lines |
+//! | [`journal`] | lines; also with right checksums | no more generations than lines |
 //!
-//! Each says whether it was read.
+//! Each returns true when the bytes were read.
 
 use std::fmt::Display;
 use std::path::Path;
@@ -29,10 +29,10 @@ use echoloop_sim::import::{
 use echoloop_sim::roads::{Waypoint, parse_network};
 use echoloop_sim::scene::MATERIALS;
 
-/// A reader: its name, which is that of its fuzz target and its corpus, and what it makes of bytes.
+/// A reader: the name of its fuzz target and corpus, and the function that checks it.
 pub type Reader = (&'static str, fn(&[u8]) -> bool);
 
-/// Every reader.
+/// All readers.
 pub const READERS: [Reader; 15] = [
     ("obj", obj),
     ("gltf", gltf),
@@ -51,7 +51,7 @@ pub const READERS: [Reader; 15] = [
     ("journal", journal),
 ];
 
-/// What was read; of a refusal that it is short and moves no cursor.
+/// The result; of a refusal, checks that it is short and has no control characters.
 fn told<T>(read: Result<T, impl Display>) -> Option<T> {
     match read {
         Ok(read) => Some(read),
@@ -65,7 +65,7 @@ fn told<T>(read: Result<T, impl Display>) -> Option<T> {
     }
 }
 
-/// A mesh of so many triangles at most.
+/// A mesh of at most `most` triangles.
 fn mesh_within(name: &str, bytes: &[u8], most: usize) -> bool {
     let options = ImportOptions { ground: Ground::None, ..ImportOptions::default() };
     let Some(scene) = told(parse_scene(Path::new(name), bytes, &options)) else { return false };
@@ -78,17 +78,17 @@ fn mesh(name: &str, bytes: &[u8]) -> bool {
     mesh_within(name, bytes, bytes.len())
 }
 
-/// A mesh, as text or as chunks; nodes may show it more than once.
+/// A glTF mesh, as text or as chunks; nodes may show it more than once.
 pub fn gltf(bytes: &[u8]) -> bool {
     mesh_within("any.gltf", bytes, bytes.len() + (1 << 21))
 }
 
-/// A mesh, as text or as records.
+/// An STL mesh, as text or as records.
 pub fn stl(bytes: &[u8]) -> bool {
     mesh("any.stl", bytes)
 }
 
-/// A scan that CARLA recorded.
+/// A scan of CARLA's semantic LiDAR.
 pub fn semantic(bytes: &[u8]) -> bool {
     let Some(seen) = told(parse_semantic(bytes, Tags::Carla0914)) else { return false };
     assert!(seen.len() < bytes.len());
@@ -99,11 +99,11 @@ pub fn semantic(bytes: &[u8]) -> bool {
             assert!(sound && echo.strength_per_m2.is_finite(), "{one:?}");
         }
     }
-    // A scan without a point is refused where pairs are made of it.
+    // A scan without points is refused later, when pairs are made of it.
     !seen.is_empty()
 }
 
-/// A mesh, and what follows its first zero byte as a library that nobody named.
+/// An OBJ mesh; what follows its first zero byte is a material library.
 pub fn obj(bytes: &[u8]) -> bool {
     let (mesh_bytes, library) = match bytes.iter().position(|&byte| byte == 0) {
         Some(end) => (&bytes[..end], &bytes[end + 1..]),
@@ -114,7 +114,7 @@ pub fn obj(bytes: &[u8]) -> bool {
     mesh("any.obj", mesh_bytes)
 }
 
-/// A mesh.
+/// A PLY mesh.
 pub fn mesh_ply(bytes: &[u8]) -> bool {
     mesh("any.ply", bytes)
 }
@@ -145,43 +145,43 @@ fn cloud(name: &str, bytes: &[u8], most: usize) -> bool {
     true
 }
 
-/// All that a cloud says of its points: each column as long as the cloud, and what is written of
-/// it reads back as itself.
+/// Checks all columns of a cloud: each is as long as the cloud, and every format reads back as it
+/// was written.
 fn whole_cloud(name: &str, bytes: &[u8], points: usize) {
-    let (read, _) = parse_recorded(Path::new(name), bytes).expect("its points were read");
+    let (read, _) = parse_recorded(Path::new(name), bytes).expect("the same points");
     assert_eq!(read.cloud.points.len(), points);
     assert!(read.columns.iter().all(|column| column.len() == points));
     for format in CloudFormat::ALL {
         let again = format.bytes(&read.cloud, &read.columns);
         let path = Path::new("again").with_extension(format.name());
-        let (again, dropped) = parse_recorded(&path, &again).expect("what we wrote");
+        let (again, dropped) = parse_recorded(&path, &again).expect("our own file");
         assert_eq!((&again.cloud, dropped.total()), (&read.cloud, 0), "{format:?}");
         let is_kept = again.columns.iter().zip(&read.columns).all(|(a, b)| a.len() == b.len());
         assert!(is_kept && again.columns.len() == read.columns.len(), "{format:?}");
     }
 }
 
-/// A cloud.
+/// A PLY cloud.
 pub fn cloud_ply(bytes: &[u8]) -> bool {
     cloud("any.ply", bytes, bytes.len())
 }
 
-/// A cloud, whose points may be packed.
+/// A PCD cloud; its points may be compressed.
 pub fn pcd(bytes: &[u8]) -> bool {
     cloud("any.pcd", bytes, 88 * bytes.len())
 }
 
-/// A cloud.
+/// A VTK cloud.
 pub fn vtk(bytes: &[u8]) -> bool {
     cloud("any.vtk", bytes, bytes.len())
 }
 
-/// A cloud.
+/// A KITTI cloud.
 pub fn kitti(bytes: &[u8]) -> bool {
     cloud("any.bin", bytes, bytes.len())
 }
 
-/// A cloud.
+/// A cloud of XYZ lines.
 pub fn xyz(bytes: &[u8]) -> bool {
     cloud("any.xyz", bytes, bytes.len())
 }
@@ -213,7 +213,7 @@ pub fn pose(bytes: &[u8]) -> bool {
     true
 }
 
-/// A configuration that its own checks may yet refuse.
+/// A configuration; one that its checks accept reads back as it was written.
 pub fn configuration(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(bytes);
     let Some(config) = told(config::parse(&text)) else { return false };
@@ -225,7 +225,7 @@ pub fn configuration(bytes: &[u8]) -> bool {
     true
 }
 
-/// A journal as it is, and its lines with checksums that are right.
+/// A journal as it is, and its lines with right checksums.
 pub fn journal(bytes: &[u8]) -> bool {
     let lines = || bytes.split(|&byte| byte == b'\n').filter(|line| !line.is_empty());
     let mut whole = false;

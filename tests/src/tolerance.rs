@@ -1,28 +1,29 @@
-//! How far the integer code may be from the model that never rounds.
+//! Tolerances of the integer code against the model that never rounds.
 
 use crate::float_reference::Echo;
 
-/// Bounds for echoes of at least one SNR.
+/// Bounds of the errors of an echo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
-    /// Height over σ after the filter, from which the bounds hold.
+    /// SNR behind the filter from which the bounds hold.
     pub from_snr: f64,
-    /// Slant range, mm.
+    /// Error of the slant range, mm.
     pub range_mm: f64,
-    /// Amplitude, fraction of full scale.
+    /// Error of the amplitude, fraction of full scale.
     pub amplitude: f64,
-    /// Filtered width, ns.
+    /// Error of the filtered width, ns.
     pub width_ns: f64,
-    /// SNR, fraction of itself.
+    /// Relative error of the SNR.
     pub snr: f64,
-    /// σ of the range, fraction of itself.
+    /// Relative error of the range's σ.
     pub deviation: f64,
 }
 
-/// 12 bits, 5 ns, 0.5 to 3 GS/s, noise of at least [`LEAST_NOISE_CODES`].
+/// Tolerances at 12 bits, 5 ns, 0.5 to 3 GS/s, in noise of at least [`LEAST_NOISE_CODES`].
 ///
-/// What remains is the filter's output in Q1.15: an echo of SNR 5 in noise of 4 codes is 25 to 75
-/// LSB high. Height, width and SNR are read from it; the time comes from eight bits more.
+/// The rounding of the filter's output to Q1.15 dominates: an echo of SNR 5 in noise of 4 codes is
+/// 25 to 75 LSB high. Height, width and SNR are read from that output; the time is read with eight
+/// more bits.
 pub const TOLERANCES: [Tolerance; 5] = [
     // from SNR, range mm, amplitude, width ns, SNR, deviation
     bounds(5.0, 4.0, 1.2e-4, 0.45, 0.040, 0.040),
@@ -43,18 +44,18 @@ const fn bounds(
     Tolerance { from_snr, range_mm, amplitude, width_ns, snr, deviation }
 }
 
-/// Least σ of one sample for which [`TOLERANCES`] hold, ADC codes. The reference receiver's
-/// amplifier alone has 6.7.
+/// Least σ of a sample for which [`TOLERANCES`] hold, ADC codes. The reference receiver's amplifier
+/// alone has 6.7.
 pub const LEAST_NOISE_CODES: f64 = 4.0;
 
-/// The bounds for an SNR, if there are any.
+/// Tolerance at an SNR; `None` below the table.
 pub fn at(snr: f64) -> Option<&'static Tolerance> {
     TOLERANCES.iter().rfind(|t| snr >= t.from_snr)
 }
 
 impl Tolerance {
-    /// How much of each bound the difference of two echoes takes: range, amplitude, width, SNR, σ.
-    /// Within it at most 1.
+    /// Differences of two echoes relative to the bounds: range, amplitude, width, SNR, σ. At most 1
+    /// within the tolerance.
     pub fn taken(&self, a: &Echo, b: &Echo) -> [f64; 5] {
         [
             (a.range_mm - b.range_mm).abs() / self.range_mm,

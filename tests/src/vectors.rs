@@ -1,9 +1,8 @@
-//! Seeded waveforms and settings: the ordinary, the extreme, and the ties.
+//! Random settings and waveforms: ordinary ones, extreme ones, and ties.
 //!
 //! [`case`] draws settings over the whole accepted table and a waveform of one [`Kind`]; [`output`]
-//! draws what a filter could give, with far more ties and plateaus than one does; [`clipped_run`] a
-//! pulse between clipped samples, at every depth. The same seed gives the same vector on every
-//! machine.
+//! draws outputs of a filter, with far more ties and plateaus than real ones; [`clipped_run`] draws
+//! a clipped pulse of any depth. The same seed gives the same vector on every machine.
 
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
@@ -14,7 +13,7 @@ use echoloop_random::box_muller;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// What a waveform looks like.
+/// Kind of a waveform.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the names say it; `Drawing::codes` draws them")]
 pub enum Kind {
@@ -36,7 +35,7 @@ pub enum Kind {
     TwoLevels,
 }
 
-/// Every kind; seed `s` draws kind `s % KINDS.len()`.
+/// All kinds; seed `s` draws kind `s % KINDS.len()`.
 pub const KINDS: [Kind; 16] = [
     Kind::Noise,
     Kind::Short,
@@ -56,29 +55,29 @@ pub const KINDS: [Kind; 16] = [
     Kind::TwoLevels,
 ];
 
-/// One waveform and the sensor that sees it.
+/// One waveform, and the sensor that records it.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// Accepted by [`Settings::check`].
+    /// Settings that [`Settings::check`] accepts.
     pub settings: Settings,
-    /// The sensor.
+    /// The sensor's hardware.
     pub hardware: Hardware,
-    /// What the waveform looks like.
+    /// Kind of the waveform.
     pub kind: Kind,
-    /// What the pipeline takes: the codes before the trigger, if the settings ask for them, then
-    /// the waveform's; of several shots their sum, as
+    /// Input of the pipeline: the codes before the trigger, if the settings ask for them, then
+    /// those of the window; for several shots their sum, as
     /// [`Accumulator`](echoloop_dsp::accumulate::Accumulator) gives it.
     pub codes: Vec<u16>,
 }
 
 impl Case {
-    /// The codes of before the trigger, and the waveform's.
+    /// Codes before the trigger, and codes of the window.
     pub fn split(&self) -> (&[u16], &[u16]) {
         self.codes.split_at(self.codes.len().min(self.settings.pre_trigger_samples() as usize))
     }
 }
 
-/// The case of a seed.
+/// Draws the case of a seed.
 pub fn case(seed: u64) -> Case {
     let mut rng = rng(seed);
     let kind = KINDS[(seed % KINDS.len() as u64) as usize];
@@ -88,8 +87,7 @@ pub fn case(seed: u64) -> Case {
     Case { settings, hardware, kind, codes }
 }
 
-/// One shot of one kind for a sensor with these settings, with the samples before the trigger that
-/// they ask for.
+/// Draws one shot of a kind, with the samples before the trigger that the settings ask for.
 pub fn waveform(
     settings: &Settings,
     hardware: &Hardware,
@@ -99,8 +97,8 @@ pub fn waveform(
     Drawing::new(settings, hardware, 1).codes(kind, rng)
 }
 
-/// As many shots as the settings ask for, all as long: ordinary ones, all at full scale, or of any
-/// codes.
+/// Draws the number of shots of the settings, all of one length: random codes up to a limit, or one
+/// code throughout.
 pub fn shots(case: &Case, rng: &mut impl Rng) -> Vec<Vec<u16>> {
     let full_scale = case.hardware.full_scale_code();
     let top = pick(rng, &[1, full_scale, full_scale, u16::MAX]);
@@ -110,19 +108,19 @@ pub fn shots(case: &Case, rng: &mut impl Rng) -> Vec<Vec<u16>> {
     (0..case.settings.shots).map(|_| (0..length).map(|_| code()).collect()).collect()
 }
 
-/// The generator of a seed.
+/// Generator of a seed.
 pub fn rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }
 
-/// Half of them the reference sensor; the others have 8 to 14 bits, other windows, which may begin
-/// at 0 or at 10 km, and receivers from none to absurd.
+/// Draws hardware: half of it the reference sensor; the rest has 8 to 14 bits, other windows, which
+/// may begin at 0 or at 10 km, and receivers of any sensitivity and noise.
 pub fn hardware(rng: &mut impl Rng) -> Hardware {
     if rng.random() {
         return Hardware::REFERENCE;
     }
     let range_min_mm = pick(rng, &[0, 0, 100, 1_000, 2_500, 10_000_000]);
-    // shorter ones would need more taps than there are
+    // A shorter window would need more taps than the filter has.
     let window_mm = rng.random_range(119_000..=200_000);
     Hardware {
         adc_bits: rng.random_range(8..=14),
@@ -134,11 +132,11 @@ pub fn hardware(rng: &mut impl Rng) -> Hardware {
     }
 }
 
-/// Settings anywhere in the accepted table, its ends and some methods more often.
+/// Draws settings over the whole accepted table, with its ends and some methods more often.
 pub fn settings(rng: &mut impl Rng, hardware: &Hardware) -> Settings {
     loop {
         let settings = Settings {
-            // With any width below the energy limit.
+            // Over the whole range, so that some widths exceed the energy limit.
             power_uw: log_uniform(rng, (*range(Id::Power).start()).into(), 2e7).round() as i32,
             pulse_width_ps: with_ends(rng, Id::PulseWidth),
             gain_cdb: with_ends(rng, Id::Gain),
@@ -168,15 +166,16 @@ pub fn settings(rng: &mut impl Rng, hardware: &Hardware) -> Settings {
             gain_range_mm: 40_000,
             overlap_mm: 1_000,
         };
-        // Not drawn, so that what a seed draws stays what it was.
+        // Not drawn, so that the other draws of a seed stay as they were before these settings.
         let settings = with_later_ones(settings);
         if settings.check(hardware).is_ok() {
-            return settings; // else undersampled: draw again
+            return settings; // else draws again
         }
     }
 }
 
-/// With a black level in half of them, a near gain in two of five, another overlap in a third.
+/// Derives the settings that were added later: a black level in half of the cases, a rising gain in
+/// two of five, another overlap in a third.
 fn with_later_ones(settings: Settings) -> Settings {
     let Settings { bins, pulse_width_ps, .. } = settings;
     let rises = matches!(bins % 5, 1 | 3);
@@ -189,7 +188,7 @@ fn with_later_ones(settings: Settings) -> Settings {
     }
 }
 
-/// The values that a parameter may have, in wire units.
+/// Bounds of a parameter, in wire units.
 fn range(id: Id) -> RangeInclusive<i32> {
     id.parameter().min..=id.parameter().max
 }
@@ -208,7 +207,7 @@ fn evenly_in_log(rng: &mut impl Rng, id: Id) -> i32 {
     log_uniform(rng, (*range.start()).into(), (*range.end()).into()).round() as i32
 }
 
-/// A quarter each: nothing, the usual, about as much, anything.
+/// Draws a quarter each: 0, 1 or the maximum; the usual value; one near it; any value.
 fn any_size(rng: &mut impl Rng, usual: u32) -> u32 {
     match rng.random_range(0..4) {
         0 => pick(rng, &[0, 1, u32::MAX]),
@@ -226,13 +225,13 @@ fn pick<T: Copy>(rng: &mut impl Rng, of: &[T]) -> T {
     of[rng.random_range(0..of.len())]
 }
 
-/// A normal variate of mean 0 and variance 1.
+/// Draws a standard normal number.
 pub fn normal(rng: &mut impl Rng) -> f64 {
     let exponential = -libm::log(1.0 - rng.random::<f64>());
     box_muller(exponential, rng.random())[0]
 }
 
-/// sin² of full width at half maximum `width`, centred at 0, height 1.
+/// sin² pulse of full width at half maximum `width`, centred at 0, of height 1.
 pub fn pulse(t: f64, width: f64) -> f64 {
     if t.abs() < width { 0.5 + 0.5 * libm::cos(PI * t / width) } else { 0.0 }
 }
@@ -251,7 +250,7 @@ pub fn noise(rng: &mut impl Rng, samples: usize, ambient: f64, sigma: f64) -> Ve
     (0..samples).map(|_| ambient + sigma * normal(rng)).collect()
 }
 
-/// The ADC: nearest code, 0 to full scale.
+/// Converts to the nearest ADC codes, 0 to full scale.
 pub fn digitise(wave: &[f64], hardware: &Hardware) -> Vec<u16> {
     clamped(wave, f64::from(hardware.full_scale_code()))
 }
@@ -271,7 +270,7 @@ struct Drawing {
 }
 
 impl Drawing {
-    /// Of the codes of so many shots, added up.
+    /// Draws codes of the sum of `shots` shots.
     fn new(settings: &Settings, hardware: &Hardware, shots: i32) -> Self {
         let period_fs = sample_period_fs(settings.bins as u32, hardware);
         let sum = f64::from(shots) * f64::from(hardware.full_scale_code());
@@ -299,7 +298,7 @@ impl Drawing {
         all
     }
 
-    /// Before the trigger: mostly as dark as the waveform, else all the same or anything.
+    /// Codes before the trigger: mostly as dark as the waveform, else constant or random.
     fn before(&self, codes: &[u16], rng: &mut impl Rng) -> Vec<u16> {
         let dark = codes.iter().copied().min().unwrap_or(0);
         let any = rng.random_range(0..=self.full_scale as u16);
@@ -339,7 +338,7 @@ impl Drawing {
         clamped(&wave, self.full_scale)
     }
 
-    /// Ambient anywhere, noise from far below one code to clipping at both ends.
+    /// Noise of any ambient level, from far below one code to clipping at both ends.
     fn background(&self, rng: &mut impl Rng) -> Vec<f64> {
         let sigma = pick(rng, &[0.0, 0.05, 0.2, 0.4, 0.7, 1.0, 3.0, 10.0, 60.0]);
         self.background_of(rng, sigma)
@@ -359,7 +358,7 @@ impl Drawing {
         self.background_of(rng, sigma)
     }
 
-    /// Anywhere, at sub-sample phases that are often binary fractions.
+    /// Any position, at sub-sample phases that are often binary fractions.
     fn place(&self, rng: &mut impl Rng) -> f64 {
         let sample = rng.random_range(0..self.samples) as f64;
         let phase =
@@ -392,7 +391,7 @@ impl Drawing {
         vec![code; self.samples]
     }
 
-    /// From one code to all of the scale.
+    /// One echo, of an amplitude from one code to full scale.
     fn single(&self, rng: &mut impl Rng) -> Vec<u16> {
         let mut wave = self.quiet(rng);
         let amplitude = log_uniform(rng, 1.0, self.full_scale);
@@ -400,8 +399,7 @@ impl Drawing {
         self.digitised(wave)
     }
 
-    /// One to 10⁵ times what the saturation level or the ADC takes; sometimes two, or at an end of
-    /// the window.
+    /// An echo of one to 10⁵ times the saturation level; sometimes two, or at an end of the window.
     fn clipped(&self, rng: &mut impl Rng) -> Vec<u16> {
         let mut wave = self.quiet(rng);
         let deepest = pick(rng, &[3.0, 60.0, 1e5]);
@@ -432,7 +430,7 @@ impl Drawing {
         codes
     }
 
-    /// From wholly merged to well apart.
+    /// Two echoes, from wholly merged to well apart.
     fn pair(&self, rng: &mut impl Rng) -> Vec<u16> {
         let mut wave = self.quiet(rng);
         let at = self.place(rng);
@@ -448,11 +446,11 @@ impl Drawing {
         self.digitised(wave)
     }
 
-    /// As many as fit: more than the candidates held where the window is long enough.
+    /// As many echoes as fit: in a long window, more than the detector's candidates.
     fn many(&self, rng: &mut impl Rng) -> Vec<u16> {
         let mut wave = self.quiet(rng);
         let amplitude = log_uniform(rng, 8.0, self.full_scale);
-        let width = self.width.min(8.0); // shorter than the template where it is long
+        let width = self.width.min(8.0); // shorter than a long template
         let mut at = 0.0;
         while at < self.samples as f64 {
             add_echo(&mut wave, at, amplitude * rng.random_range(0.2..1.0), width);
@@ -461,8 +459,7 @@ impl Drawing {
         self.digitised(wave)
     }
 
-    /// Echoes equal to the last bit, whole numbers of samples apart: every comparison of heights is
-    /// a tie.
+    /// Equal echoes whole numbers of samples apart: every comparison of heights is a tie.
     fn equal(&self, rng: &mut impl Rng) -> Vec<u16> {
         let phase = f64::from(rng.random_range(0..4u8)) / 4.0;
         let amplitude = log_uniform(rng, 8.0, 0.9 * self.full_scale).round();
@@ -481,7 +478,7 @@ impl Drawing {
         self.digitised(wave)
     }
 
-    /// At both ends, in and out of the window.
+    /// Echoes at both ends of the window, inside and outside.
     fn edges(&self, rng: &mut impl Rng) -> Vec<u16> {
         let mut wave = self.quiet(rng);
         let amplitude = log_uniform(rng, 8.0, 2.0 * self.full_scale);
@@ -510,7 +507,7 @@ impl Drawing {
         (0..self.samples).map(|_| rng.random_range(0..=top)).collect()
     }
 
-    /// Codes no ADC of this sensor gives; sometimes more of them than a waveform may hold.
+    /// Codes beyond the sensor's ADC; sometimes more of them than a waveform may have.
     fn wild(&self, rng: &mut impl Rng) -> Vec<u16> {
         match rng.random_range(0..4) {
             0 => self.random(rng, u16::MAX),
@@ -540,7 +537,7 @@ impl Drawing {
         codes
     }
 
-    /// Two codes, about half of the samples each: the median hangs on one sample.
+    /// Two codes, about half of the samples each: one sample decides the median.
     fn two_levels(&self, rng: &mut impl Rng) -> Vec<u16> {
         let low = rng.random_range(0..self.full_scale as u16 - 20);
         let high = low + pick(rng, &[1, 2, 3, 20]);
@@ -554,20 +551,20 @@ impl Drawing {
     }
 }
 
-/// A run of clipped samples and what is known of the pulse around it.
+/// A run of clipped samples, and its pulse.
 #[derive(Clone, Debug)]
 pub struct ClippedRun {
     /// Full width at half maximum, ps.
     pub width_ps: u32,
     /// Sample period, fs.
     pub period_fs: u32,
-    /// Q1.15, without baseline.
+    /// Waveform without baseline, Q1.15.
     pub x: Vec<i16>,
-    /// What the run is clipped at, Q1.15.
+    /// Clip level, Q1.15.
     pub level: i64,
-    /// The run.
+    /// First sample of the run.
     pub first: usize,
-    /// Its last sample.
+    /// Last sample of the run.
     pub last: usize,
     /// σ̂, Q13.19.
     pub sigma: u32,
@@ -575,8 +572,8 @@ pub struct ClippedRun {
     pub shot: u32,
 }
 
-/// A pulse from just clipped to far beyond, of 1/16 to 130 samples a width, in no noise to noise
-/// that hides it; a run of any length where nothing like a pulse lies; runs at the ends.
+/// Draws a pulse from just clipped to far beyond, at most 130 samples wide, in noise from none to
+/// hiding it. Some runs are of another length than the pulse's, or at the ends.
 pub fn clipped_run(seed: u64) -> ClippedRun {
     let mut rng = rng(seed ^ 0x0063_6c69_7070_6564);
     let rng = &mut rng;
@@ -628,13 +625,13 @@ pub fn clipped_run(seed: u64) -> ClippedRun {
     ClippedRun { width_ps, period_fs: period_fs as u32, x, level, first, last, sigma, shot }
 }
 
-/// One clipped sample of the longest pulses, in noise that its neighbours just exceed: an edge as
-/// uncertain as one can be.
+/// Draws one clipped sample of the longest pulses, in noise that its neighbours just exceed: the
+/// most uncertain edges.
 fn flat_top(rng: &mut impl Rng, level: i64, shot: u32) -> ClippedRun {
     let width_ps = rng.random_range(100_000..=140_000);
     let x = (0..9).map(|_| (level - rng.random_range(0..2)).min(0x7fff) as i16).collect();
     let sigma = (level as f64 * 16.0 / rng.random_range(2.9..6.0)) as u32;
-    let first = rng.random_range(1..8); // beside an end there is but one pair
+    let first = rng.random_range(1..8); // a run beside an end has only one pair of samples
     ClippedRun {
         width_ps,
         period_fs: 1_000_000,
@@ -647,8 +644,7 @@ fn flat_top(rng: &mut impl Rng, level: i64, shot: u32) -> ClippedRun {
     }
 }
 
-/// What a filter could give, and a threshold: steps of a few LSB, plateaus, ties, whole-scale
-/// jumps.
+/// Draws a filter's output and a threshold: steps of a few LSB, plateaus, ties, full-scale jumps.
 pub fn output(seed: u64) -> (Vec<i16>, i16) {
     let mut rng = rng(seed ^ 0x6f75_7470_7574);
     let length = if rng.random_range(0..8) == 0 {
@@ -680,7 +676,7 @@ fn walk(rng: &mut impl Rng, length: usize, step: i32) -> Vec<i32> {
     (0..length).map(|_| next()).collect()
 }
 
-/// Up and down by just what counts as a peak or a valley, one more or one less.
+/// Steps up and down of just the size of a peak or valley, give or take one LSB.
 fn staircase(rng: &mut impl Rng, length: usize, threshold: i32) -> Vec<i32> {
     let mut value: i32 = threshold + rng.random_range(0..4 * threshold + 40);
     let mut next = || {
@@ -698,7 +694,7 @@ fn staircase(rng: &mut impl Rng, length: usize, threshold: i32) -> Vec<i32> {
     (0..length).map(|_| next()).collect()
 }
 
-/// Narrow spikes, many of one height.
+/// Narrow spikes, many of the same height.
 fn comb(rng: &mut impl Rng, length: usize, threshold: i32) -> Vec<i32> {
     let gap = rng.random_range(2..12);
     let spread = pick(rng, &[0, 1, 2, 100]);

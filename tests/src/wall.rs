@@ -1,4 +1,4 @@
-//! The reference receiver before a wall.
+//! A sensor with the reference receiver in front of a wall.
 
 use std::f64::consts::PI;
 
@@ -11,23 +11,23 @@ use echoloop_sensors::boards::pc::{analog_for, hardware_for};
 /// c/2, mm per ns.
 pub const MM_PER_NS: f64 = 149.896_229;
 
-/// A wall of one albedo, square to the beam.
+/// Return of a wall square to the beam.
 pub fn wall(albedo: f64, range_m: f64) -> Return {
     Return { range_m: range_m as f32, strength_per_m2: (albedo / PI / range_m / range_m) as f32 }
 }
 
-/// The reference receiver in front of a sensor.
+/// A sensor with the reference receiver.
 #[derive(Debug)]
 pub struct Sensor {
-    /// The receiver.
+    /// Its receiver.
     pub receiver: Receiver,
-    /// The sensor's.
+    /// Its settings.
     pub settings: Settings,
-    /// What they are in its registers.
+    /// Its analog settings, as the registers have them.
     pub analog: Analog,
-    /// What it detects with.
+    /// Its detector.
     pub pipeline: Pipeline,
-    /// The last waveform.
+    /// Codes of the last waveform.
     pub codes: Vec<u16>,
     scratch: Scratch,
     buffers: ShotBuffers,
@@ -38,7 +38,7 @@ impl Sensor {
     ///
     /// # Panics
     ///
-    /// When they are refused.
+    /// When the settings are refused.
     pub fn new(settings: Settings) -> Self {
         let receiver = Receiver::default();
         let hardware = hardware_for(&receiver);
@@ -54,7 +54,7 @@ impl Sensor {
         }
     }
 
-    /// The waveform of a wall.
+    /// Records the waveform of a wall.
     pub fn expose(&mut self, wall: Return, beam: u32) {
         let exposure = Exposure {
             receiver: &self.receiver,
@@ -66,19 +66,19 @@ impl Sensor {
         synthesise(&exposure, &mut self.buffers, &mut self.codes);
     }
 
-    /// The echoes of the last waveform.
+    /// Detects the echoes of the last waveform.
     pub fn echoes(&mut self) -> Echoes {
         echoloop_kernels::process(&self.pipeline, &self.codes, &mut self.scratch)
     }
 
-    /// The first echo of a wall, by one shot, and its range error, mm.
+    /// First echo of one shot at a wall, and its range error, mm.
     pub fn see(&mut self, albedo: f64, range_m: f64, beam: u32) -> Option<(Echo, f64)> {
         let wall = wall(albedo, range_m);
         self.expose(wall, beam);
         self.first(wall)
     }
 
-    /// As [`Self::see`], by as many shots as the settings ask for.
+    /// As [`Self::see`], with the number of shots of the settings.
     pub fn see_with_all_shots(
         &mut self,
         albedo: f64,
@@ -104,7 +104,7 @@ impl Sensor {
         Some((echo, (echo.range_m() - f64::from(wall.range_m)) * 1e3))
     }
 
-    /// As [`Self::see`], `count` times at one sub-sample phase around a range.
+    /// As [`Self::see`], `count` times at one sub-sample phase near a range.
     pub fn at_phase(
         &mut self,
         albedo: f64,
@@ -116,7 +116,7 @@ impl Sensor {
         (0..count).filter_map(|beam| self.see(albedo, range_m, beam)).collect()
     }
 
-    /// The range of a sub-sample phase around one, m.
+    /// Range with the given sub-sample phase near `range_m`, m.
     pub fn at(&self, range_m: f64, phase: f64) -> f64 {
         let step_m = MM_PER_NS * self.analog.sample_period_ns / 1e3;
         let first_m = f64::from(hardware_for(&self.receiver).range_min_mm) / 1e3;

@@ -1,5 +1,5 @@
-//! The image on boards in QEMU: the same bytes as in process, and a sensor that comes back from
-//! whatever happens to it.
+//! The firmware image on boards in QEMU: the same bytes as in process, and recovery from hangs,
+//! power cuts and bad lines.
 //!
 //! `cargo xtask firmware` builds the images. `ECHOLOOP_WAVEFORMS=100000` lengthens the comparison.
 #![cfg(unix)]
@@ -21,18 +21,18 @@ use echoloop_sensors::defmt_log;
 use echoloop_sensors::transport::{Direction, InProcess, Recording, Transport};
 use echoloop_tests::faults::{Faulty, Rates};
 use echoloop_tests::gdb::Gdb;
-use echoloop_tests::target::{machine, machines, symbol};
+use echoloop_tests::target::{assert_stack_bound, machine, machines, paint_stack, symbol};
 use echoloop_tests::vectors::{self, KINDS};
 
-/// As many beams as one report holds.
+/// A pattern with the beams of one report.
 const PATTERN: ScanPattern =
     ScanPattern::Grid(Grid { columns: 8, rows: 4, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 });
 const BEAMS: usize = 32;
 
-/// An emulator may be kept waiting by everything else that the machine does.
+/// Timeouts long enough for an emulator on a busy machine.
 const RETRY_POLICY: RetryPolicy = RetryPolicy { timeout: Duration::from_secs(5), tries: 4 };
 
-/// A front end that gives each beam its waveform.
+/// A front end with a given waveform for each beam.
 #[derive(Clone, Default)]
 struct Waveforms {
     adc_bits: u32,
@@ -59,21 +59,21 @@ fn start(options: &QemuOptions, hardware: Hardware) -> Client<Qemu<Waveforms>> {
     Client::connect_from(qemu, RETRY_POLICY, 0).unwrap()
 }
 
-/// Settings, and a waveform for each beam: every kind twice.
+/// Draws settings and a waveform for each beam, every kind twice.
 fn case(seed: u64, hardware: &Hardware) -> (Settings, Vec<Vec<u16>>) {
     let mut rng = vectors::rng(seed);
     let settings = vectors::settings(&mut rng, hardware);
     let kinds = KINDS.iter().cycle().take(BEAMS);
     let beams = kinds.map(|&kind| {
         let mut wave = vectors::waveform(&settings, hardware, kind, &mut rng);
-        // a front end gives all samples
+        // A front end gives all samples.
         wave.resize((settings.pre_trigger_samples() + settings.bins as u32) as usize, 0);
         wave
     });
     (settings, beams.collect())
 }
 
-/// What the pipeline reads when every shot of a beam has the same waveform.
+/// Sum of a beam's shots when all have the same waveform.
 fn summed(pipeline: &Pipeline, wave: &[u16]) -> Vec<u16> {
     let config = pipeline.config();
     let mut shots = Accumulator::new();
@@ -83,7 +83,7 @@ fn summed(pipeline: &Pipeline, wave: &[u16]) -> Vec<u16> {
     codes
 }
 
-/// What a sensor says of a case.
+/// Echoes of a scan with these settings.
 fn measure<T: Transport>(client: &mut Client<T>, settings: &Settings) -> Vec<Echoes> {
     client.configure(settings).unwrap();
     client.scan(1).unwrap()
@@ -103,16 +103,15 @@ fn every_board_counts_the_scans_that_take_too_long() {
                 board.read_times().unwrap();
             assert_eq!((clock, scans, found), (true, 3, late), "{name}, {deadline_us} µs");
             assert!(0 < last_us && last_us <= longest_us, "{name}: {last_us} of {longest_us}");
-            // An emulator's clock is the machine's.
+            // The emulator's clock is the machine's.
             assert!(u128::from(longest_us) <= most, "{name}: {longest_us} µs of {most}");
         }
     }
 }
 
-/// In QEMU an instruction takes 64 ns where its clock counts instructions, so the stopwatch does,
-/// too.
+/// QEMU's clock counts instructions here, 64 ns each, so the firmware's stopwatch does, too.
 #[test]
-fn where_waveforms_travel_the_program_costs_about_as_much_as_its_detector() {
+fn receiving_waveforms_costs_about_as_much_as_detecting_their_echoes() {
     const NS: f64 = 64.0;
     let Some(mut options) = machine(Machine::An386) else { return };
     options.arguments = ["-icount", "shift=6,sleep=off"].map(String::from).to_vec();
@@ -136,7 +135,7 @@ fn where_waveforms_travel_the_program_costs_about_as_much_as_its_detector() {
     assert!((1.5..2.5).contains(&(each / detector)), "{each} of {detector}");
 }
 
-/// Instructions of the detector as the record has them.
+/// Instructions of the detector in the record.
 fn counted(processor: &str, kernel: &str, case: &str) -> f64 {
     let record = include_str!("../../firmware/image/cost.tsv");
     let name = [processor, kernel, case, "pipeline", ""].join("\t");
@@ -145,7 +144,7 @@ fn counted(processor: &str, kernel: &str, case: &str) -> f64 {
 }
 
 #[test]
-fn every_board_says_of_every_waveform_what_the_pc_says() {
+fn every_board_finds_the_same_echoes_as_the_pc() {
     let waveforms: usize =
         std::env::var("ECHOLOOP_WAVEFORMS").map_or(2_048, |text| text.parse().unwrap());
     let sensors =
@@ -197,24 +196,16 @@ fn every_board_says_of_every_waveform_what_the_pc_says() {
 
 #[test]
 fn the_stack_stays_within_the_bound_that_the_image_is_built_with() {
-    const PAINT: u8 = 0xA5;
+    const PAINTED: u32 = 64 << 10;
     for mut options in machines() {
         let folder = tempfile::tempdir().unwrap();
         options.folder = Some(folder.path().to_owned());
         let socket = folder.path().join("gdb");
         options.arguments = Gdb::arguments(&socket).into();
         options.arguments.push("-S".into()); // stopped before its first instruction
-        let painted = 64 << 10;
-        let top = symbol(&options, "_stack_start");
-        let qemu = Qemu::start(
-            &options,
-            Waveforms { adc_bits: 12, ..Waveforms::default() },
-            PATTERN,
-            Hardware::REFERENCE,
-        );
-        let mut gdb = Gdb::connect(&socket).unwrap();
-        gdb.fill(top - painted, painted as usize, PAINT).unwrap();
-        gdb.detach().unwrap();
+        let front_end = Waveforms { adc_bits: 12, ..Waveforms::default() };
+        let qemu = Qemu::start(&options, front_end, PATTERN, Hardware::REFERENCE);
+        paint_stack(&options, &socket, PAINTED);
         let mut client = Client::connect(qemu.unwrap(), RETRY_POLICY).unwrap();
         for seed in 0..8 {
             let (settings, beams) = case(seed, &Hardware::REFERENCE);
@@ -222,17 +213,11 @@ fn the_stack_stays_within_the_bound_that_the_image_is_built_with() {
             measure(&mut client, &settings);
         }
         client.read_counters().unwrap();
-        let memory = Gdb::connect(&socket).unwrap().read(top - painted, painted as usize).unwrap();
-        let used = memory.len() - memory.iter().position(|&byte| byte != PAINT).unwrap();
-        let record = options.image.with_extension("stack");
-        let bound: usize = fs::read_to_string(&record).unwrap().trim().parse().unwrap();
-        println!("{}: {used} bytes of stack used, bound {bound}", options.machine.name());
-        assert!(used <= bound, "{used} bytes were used, the bound is {bound}");
-        assert!(2 * used > bound, "a bound of {bound} for {used} bytes bounds little");
+        assert_stack_bound(&options, &socket, PAINTED);
     }
 }
 
-/// Everything a host may say to a sensor.
+/// A conversation with every kind of command.
 fn talk<T: Transport>(client: &mut Client<T>) {
     client.scan(1).unwrap();
     client.configure(&gain(100)).unwrap();
@@ -252,7 +237,7 @@ fn gain(gain_cdb: i32) -> Settings {
 }
 
 #[test]
-fn a_conversation_with_a_board_said_again_in_process_has_the_same_answers() {
+fn a_conversation_with_a_board_replayed_in_process_has_the_same_answers() {
     for options in machines() {
         let front_end = Waveforms { adc_bits: 12, beams: case(1, &Hardware::REFERENCE).1 };
         let qemu = Qemu::start(&options, front_end.clone(), PATTERN, Hardware::REFERENCE).unwrap();
@@ -268,7 +253,7 @@ fn a_conversation_with_a_board_said_again_in_process_has_the_same_answers() {
 }
 
 #[test]
-fn a_program_that_hangs_is_restarted_by_the_watchdog_and_begins_with_what_was_saved() {
+fn the_watchdog_restarts_a_hanging_program_with_the_saved_settings() {
     for kind in [Machine::An386, Machine::An500, Machine::An505, Machine::An547] {
         let Some(mut options) = machine(kind) else { continue };
         let folder = tempfile::tempdir().unwrap();
@@ -282,10 +267,9 @@ fn a_program_that_hangs_is_restarted_by_the_watchdog_and_begins_with_what_was_sa
         client.configure(&active).unwrap();
         assert_eq!(client.read_counters().unwrap().restarts, 0);
         let mut gdb = Gdb::connect(&socket).unwrap();
-        gdb.jump(symbol(&options, "DefaultHandler_") & !1).unwrap(); // turns for ever
+        gdb.jump(symbol(&options, "DefaultHandler_") & !1).unwrap(); // an endless loop
         gdb.detach().unwrap();
-        // Unanswered at first; then the sensor knows of no session, and the client says hello and
-        // reads back.
+        // Unanswered at first; then the sensor has lost the session, and the client says hello.
         let after = (0..8).find_map(|_| client.read_settings().ok()).unwrap();
         assert_eq!(after, saved, "{}", kind.name());
         assert_eq!(client.read_counters().unwrap().restarts, 1, "{}", kind.name());
@@ -298,7 +282,7 @@ fn a_program_that_hangs_is_restarted_by_the_watchdog_and_begins_with_what_was_sa
 }
 
 #[test]
-fn an_image_for_another_board_is_refused_though_its_flash_begins_at_the_same_address() {
+fn an_image_for_another_board_with_the_same_flash_address_is_refused() {
     let (Some(an505), Some(an547)) = (machine(Machine::An505), machine(Machine::An547)) else {
         return;
     };
@@ -312,7 +296,7 @@ fn an_image_for_another_board_is_refused_though_its_flash_begins_at_the_same_add
 }
 
 #[test]
-fn a_board_whose_power_goes_while_it_saves_has_the_old_settings_or_the_new() {
+fn a_power_cut_during_a_save_leaves_a_board_the_old_settings_or_the_new() {
     let Some(mut options) = machine(Machine::An386) else { return };
     let folder = tempfile::tempdir().unwrap();
     options.folder = Some(folder.path().to_owned());
@@ -342,7 +326,7 @@ fn a_board_whose_power_goes_while_it_saves_has_the_old_settings_or_the_new() {
 }
 
 #[test]
-fn a_board_behind_a_bad_line_never_has_settings_that_nobody_asked_for() {
+fn a_board_behind_a_bad_line_never_has_settings_that_were_not_sent() {
     let Some(options) = machine(Machine::An386) else { return };
     let front_end = Waveforms { adc_bits: 12, ..Waveforms::default() };
     let qemu = Qemu::start(&options, front_end, PATTERN, Hardware::REFERENCE).unwrap();
@@ -383,7 +367,7 @@ fn a_board_behind_a_bad_line_never_has_settings_that_nobody_asked_for() {
 }
 
 #[test]
-fn the_board_s_log_says_which_settings_became_active() {
+fn the_board_s_log_names_the_settings_that_became_active() {
     let Some(options) = machine(Machine::An386) else { return };
     let mut client = start(&options, Hardware::REFERENCE);
     let hash = client.configure(&gain(700)).unwrap();
@@ -399,7 +383,7 @@ fn the_board_s_log_says_which_settings_became_active() {
     );
 }
 
-/// Scans waveforms over the link of a board.
+/// Scans with waveforms sent over the link.
 fn feed<T: Transport>(
     client: &mut Client<T>,
     room: Room,
@@ -412,7 +396,7 @@ fn feed<T: Transport>(
 }
 
 #[test]
-fn every_board_says_of_waveforms_over_a_bad_uart_what_the_pc_says_with_a_front_end() {
+fn every_board_finds_the_pc_s_echoes_in_waveforms_over_a_bad_uart() {
     let hardware = Hardware::REFERENCE;
     for options in machines() {
         let blind = Waveforms { adc_bits: hardware.adc_bits, ..Waveforms::default() };
@@ -426,7 +410,7 @@ fn every_board_says_of_waveforms_over_a_bad_uart_what_the_pc_says_with_a_front_e
         let mut echoes = 0;
         for seed in 0..3 {
             let (drawn, mut beams) = case(seed, &hardware);
-            // A converter has no greater ones, so none travel.
+            // The link carries only the codes of a converter.
             let full_scale = hardware.full_scale_code();
             beams.iter_mut().flatten().for_each(|code| *code = (*code).min(full_scale));
             let settings = Settings { shots: 1 + (seed % 2) as i32, ..drawn };

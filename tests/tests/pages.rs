@@ -1,20 +1,20 @@
-//! README and docs: every link leads somewhere, every path exists, every command is one. And no
-//! source is too wide to read beside another.
+//! Checks of README, docs and sources: every link, path and command exists, and no line is too
+//! long.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Folders whose files are nobody's pages or sources.
+/// Folders without pages or sources.
 const BUILT: [&str; 4] = ["target", ".git", "runs", "node_modules"];
 
 /// Endings of code spans that are files.
 const ENDINGS: [&str; 8] = [".rs", ".md", ".toml", ".tsv", ".py", ".s", ".x", ".sh"];
 
-/// Files that a page names and a user makes.
+/// Files named by pages that users make.
 const MADE: [&str; 3] = ["runs/latest/report.html", "my_sensor.toml", "tuned.toml"];
 
-/// Characters of a line of Rust, or of a page's prose.
+/// Longest line of Rust or of a page's prose, characters.
 const COLUMNS: usize = 100;
 
 /// The one source with wider lines: its raw strings are JavaScript, a statement a line.
@@ -24,7 +24,7 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().expect("the workspace")
 }
 
-/// Every file of the repository, from its root, with `/`.
+/// All files of the repository, relative to its root, with `/`.
 fn files() -> BTreeSet<String> {
     fn walk(root: &Path, folder: &Path, found: &mut BTreeSet<String>) {
         for entry in fs::read_dir(folder).expect("a folder") {
@@ -43,7 +43,7 @@ fn files() -> BTreeSet<String> {
     found
 }
 
-/// Every page that a user reads, with its text.
+/// All pages with their texts.
 fn pages() -> Vec<(String, String)> {
     let is_page = |path: &&String| path.ends_with(".md") && !path.starts_with("benches/peers/venv");
     let read = |path: &String| {
@@ -52,7 +52,7 @@ fn pages() -> Vec<(String, String)> {
     files().iter().filter(is_page).map(read).collect()
 }
 
-/// A page's lines with whether they stand in a fenced block, and in which language.
+/// Lines of a page, each with the language of its fenced block; `None` outside.
 fn lines(text: &str) -> impl Iterator<Item = (Option<&str>, &str)> {
     let mut fence = None;
     text.lines().filter_map(move |line| match line.trim_start().strip_prefix("```") {
@@ -64,12 +64,12 @@ fn lines(text: &str) -> impl Iterator<Item = (Option<&str>, &str)> {
     })
 }
 
-/// What stands between two texts, each time.
+/// All parts of a line between two markers.
 fn between<'a>(line: &'a str, open: &'a str, close: &'a str) -> Vec<&'a str> {
     line.split(open).skip(1).filter_map(|rest| rest.split(close).next()).collect()
 }
 
-/// A path relative to a page's folder, from the root; `None` when it leads out of the repository.
+/// Path from the root of a link relative to a page; `None` when it leads out of the repository.
 fn resolve(page: &str, link: &str) -> Option<String> {
     let mut parts: Vec<&str> = page.split('/').collect();
     parts.pop();
@@ -99,7 +99,7 @@ fn every_relative_link_leads_to_a_file_or_folder() {
     }
 }
 
-/// What GitHub makes of a heading: `## Own sensor` is `#own-sensor`.
+/// Anchors that GitHub gives headings: `## Own sensor` is `#own-sensor`.
 fn anchors(text: &str) -> BTreeSet<String> {
     let slug = |heading: &str| {
         let kept = heading.trim().chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
@@ -124,8 +124,8 @@ fn every_anchor_is_a_heading_of_its_page() {
     }
 }
 
-/// Whether a text of a page or source is no path, or one that exists: from the root, from the
-/// folder it stands in, or as the end of some file's path.
+/// True when a text in a page or source is not a path, or a path that exists: from the root, from
+/// the file's folder, or as the end of some file's path.
 fn is_no_lost_path(files: &BTreeSet<String>, of: &str, text: &str) -> bool {
     let is_file = ENDINGS.iter().any(|end| text.strip_suffix(end).is_some_and(|r| !r.is_empty()));
     let top = |path: &str| path.split_once('/').map(|(first, _)| first.to_owned());
@@ -150,13 +150,13 @@ fn every_path_in_a_code_span_of_a_page_exists() {
     }
 }
 
-/// A source's line, if it is a comment: what it says.
+/// Text of a source's line if it is a comment.
 fn comment(line: &str) -> Option<&str> {
     let text = line.trim_start().strip_prefix("//")?;
     Some(text.trim_start_matches(['/', '!']))
 }
 
-/// Words of a comment that look like a path, the targets of links among them. `p.x` is a field.
+/// Words of a comment that look like paths, including targets of links. `p.x` is a field.
 fn paths(comment: &str) -> impl Iterator<Item = &str> {
     let words = comment.split([' ', '`', '(', ')', '[', ']', ',', ';', '"']);
     let words = words.map(|word| word.trim_end_matches("'s").trim_end_matches(['.', ':']));
@@ -174,10 +174,10 @@ fn every_path_in_a_comment_of_a_source_exists() {
             lost.extend(gone.map(|path| format!("{source}:{number}: {path}")));
         }
     }
-    assert!(lost.is_empty(), "nowhere:\n{}", lost.join("\n"));
+    assert!(lost.is_empty(), "missing:\n{}", lost.join("\n"));
 }
 
-/// Lines of shell blocks, those that end in a backslash joined with the next.
+/// Lines of shell blocks; a line that ends in a backslash is joined with the next.
 fn shell_lines(text: &str) -> Vec<String> {
     let mut found: Vec<String> = Vec::new();
     let mut open = false;
@@ -192,19 +192,19 @@ fn shell_lines(text: &str) -> Vec<String> {
     found
 }
 
-/// The words of a command, up to a comment, a pipe or a redirection.
+/// Words of a command, up to a comment, a pipe or a redirection.
 fn words(command: &str) -> Vec<&str> {
     let ends = |word: &&str| !["|", ">", "<", "&&"].contains(word) && !word.starts_with('#');
     command.split_whitespace().take_while(ends).map(|word| word.trim_matches('\'')).collect()
 }
 
 #[test]
-fn every_echoloop_command_of_the_pages_is_understood() {
+fn every_echoloop_command_of_the_pages_is_valid() {
     let mut seen = 0;
     for (page, text) in pages() {
         for line in shell_lines(&text) {
             let line = line.replace("cargo run --release --", "echoloop");
-            // Of a pipeline, the part that is ours.
+            // The part of a pipeline that runs the program.
             let part = line.split('|').map(str::trim).find(|part| part.starts_with("echoloop "));
             let Some(command) = part.filter(|part| !part.contains('[') && !part.contains('…'))
             else {
@@ -218,7 +218,7 @@ fn every_echoloop_command_of_the_pages_is_understood() {
     assert!(seen > 25, "only {seen} commands");
 }
 
-/// Code spans of the text around fenced blocks that are the program with something after it.
+/// Code spans outside fenced blocks that run the program with arguments.
 fn echoloop_spans(text: &str) -> Vec<String> {
     let prose = lines(text).filter(|(fence, _)| fence.is_none());
     let spans = prose.flat_map(|(_, line)| line.split('`').skip(1).step_by(2));
@@ -227,13 +227,13 @@ fn echoloop_spans(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn every_echoloop_command_in_a_code_span_is_understood() {
+fn every_echoloop_command_in_a_code_span_is_valid() {
     let mut seen = 0;
     for (page, text) in pages() {
         for span in echoloop_spans(&text) {
             let words = words(span.trim_end_matches('…'));
             let command = echoloop_app::command();
-            // A subcommand's name alone stands for it, whatever it needs.
+            // A subcommand's name alone refers to it, without its arguments.
             let named = words.len() == 2 && command.find_subcommand(words[1]).is_some();
             let result = echoloop_app::matches_of(&words);
             assert!(named || result.is_ok(), "{page}: `{span}`\n{}", result.unwrap_err());
@@ -267,7 +267,7 @@ fn the_readme_keeps_to_its_size_and_reaches_each_page() {
     }
 }
 
-/// A source without its raw strings, each line still where it was.
+/// A source without its raw strings, with the same line numbers.
 fn without_raw_strings(text: &str) -> String {
     let mut parts = text.split("r#\"");
     let mut kept = parts.next().unwrap_or_default().to_owned();
@@ -279,7 +279,7 @@ fn without_raw_strings(text: &str) -> String {
     kept
 }
 
-/// rustfmt leaves comments and strings as wide as they are.
+/// rustfmt does not break comments and strings.
 #[test]
 fn no_line_of_rust_is_longer_than_100_columns() {
     let mut long = Vec::new();
@@ -294,8 +294,8 @@ fn no_line_of_rust_is_longer_than_100_columns() {
     assert!(long.is_empty(), "above {COLUMNS} columns:\n{}", long.join("\n"));
 }
 
-/// Whether a page's line may be wider: a table's row, a heading, code by its indent, nothing but
-/// code spans, or a single word, as a link is.
+/// True when a page's line may be longer: a table's row, a heading, indented code, only code spans,
+/// or a single word, like a link.
 fn stays_whole(line: &str) -> bool {
     let outside: String = line.split('`').step_by(2).collect();
     line.starts_with(['|', '#'])

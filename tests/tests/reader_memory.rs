@@ -1,4 +1,4 @@
-//! No reader takes more memory than 8 times its file and 64 MB, whatever the file.
+//! Memory of the file readers: at most 8 times the file and 64 MB, whatever the file.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -12,7 +12,7 @@ use echoloop_registration::cloud::parse_recorded;
 use echoloop_registration::pose::parse_pose;
 use echoloop_sim::import::{Ground, ImportOptions, parse_scene};
 
-/// The system's allocator, counted.
+/// The system's allocator, with the allocated bytes counted.
 struct Counted;
 
 static NOW: AtomicUsize = AtomicUsize::new(0);
@@ -37,7 +37,7 @@ unsafe impl GlobalAlloc for Counted {
         unsafe { System.dealloc(pointer, layout) }
     }
 
-    /// A large block moves by its pages: old and new are never there at once.
+    /// A large block moves by its pages, so old and new do not exist at the same time.
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         NOW.fetch_sub(layout.size(), Ordering::Relaxed);
         grown(size);
@@ -49,7 +49,7 @@ unsafe impl GlobalAlloc for Counted {
 #[global_allocator]
 static ALLOCATOR: Counted = Counted;
 
-/// Most that was allocated at once while a file was read, its own bytes included.
+/// Peak of allocated bytes while a file is read, including the file's, and whether it was read.
 fn most(file: Vec<u8>, read: impl FnOnce(Vec<u8>) -> bool) -> (usize, bool) {
     let before = NOW.load(Ordering::Relaxed) - file.len();
     MOST.store(NOW.load(Ordering::Relaxed), Ordering::Relaxed);
@@ -71,7 +71,7 @@ fn waveforms(_: &str, file: Vec<u8>) -> bool {
     (0..rows.len()).step_by(1000).all(|i| rows.row(i).iter().all(|v| v.is_finite()))
 }
 
-/// A file that people write may be so long.
+/// A text file cut to the longest accepted.
 fn short(mut file: Vec<u8>) -> String {
     file.truncate(echoloop_files::MOST_TEXT as usize);
     String::from_utf8(file).unwrap()
@@ -89,7 +89,7 @@ fn configuration(_: &str, file: Vec<u8>) -> bool {
     config::parse(&short(file)).is_ok()
 }
 
-/// Bytes of each file: what the 64 MB forgive is little beside it.
+/// Size of each file, bytes: large beside the allowance of 64 MB.
 const SIZE: usize = 32 << 20;
 
 fn repeated(head: &str, piece: &[u8], tail: &[u8]) -> Vec<u8> {
@@ -113,7 +113,7 @@ fn npy(descr: &str, rows: usize, columns: usize, size: usize) -> Vec<u8> {
     [head, vec![1; rows * columns * size]].concat()
 }
 
-/// Compressed points of three bytes each, as many as copies make of so little.
+/// Compressed points of three bytes each, with the best possible compression.
 fn packed_pcd(points: u32) -> Vec<u8> {
     let (copies, left) = ((3 * points - 1) / 264, (3 * points - 1) % 264);
     let packed =
@@ -126,8 +126,7 @@ fn packed_pcd(points: u32) -> Vec<u8> {
     [head.into_bytes(), sizes, packed].concat()
 }
 
-/// Points of eleven numbers, which are as short in the file as they can be and, where it is text,
-/// long once they are read.
+/// Points of eleven numbers, as short as possible in the file; those of text are long in memory.
 fn said_pcd(data: &str, record: &[u8]) -> Vec<u8> {
     let (size, kind) = if data == "ascii" { ("8", "F") } else { ("1", "U") };
     let row = |word: &str| format!(" {word}").repeat(11);
@@ -151,7 +150,7 @@ fn said_ply(format: &str, kind: &str, record: &[u8]) -> Vec<u8> {
     repeated(&head, record, &[])
 }
 
-/// A mesh of polygons of so many corners, a byte each.
+/// A mesh of polygons with a number of corners, a byte each.
 fn polygons(corners: u32) -> Vec<u8> {
     let faces = SIZE / (corners as usize + 4);
     let head = format!(
@@ -163,13 +162,13 @@ fn polygons(corners: u32) -> Vec<u8> {
     [head.as_bytes(), &[0, 0, 0, 9, 0, 0, 0, 9, 0], &face.repeat(faces)].concat()
 }
 
-/// As many things of a kind as a document may have.
+/// A glTF document with many things of one kind.
 fn gltf(kind: &str, thing: &[u8], count: usize) -> Vec<u8> {
     let head = format!(r#"{{"asset":{{"version":"2.0"}},"{kind}":["#);
     [head.as_bytes(), &thing.repeat(count), b"{}]}"].concat()
 }
 
-/// Nodes that show the same million corners until there are too many.
+/// A glTF document whose nodes show the same million corners ten times, which is too many.
 fn shown_again() -> Vec<u8> {
     let count = 1_000_000;
     let (length, nodes) = (12 * count, r#"{"mesh":0},"#.repeat(9));
@@ -191,7 +190,7 @@ const STL_FACET: &[u8] = b"vertex 0 0 0\nvertex 0 0 1\nvertex 0 1 0\nendloop\n";
 
 type Reader = fn(&str, Vec<u8>) -> bool;
 
-/// Made when its turn comes: all at once would be a GB.
+/// Maker of a file, called when needed: all files together would take a GB.
 type File<'a> = Box<dyn Fn() -> Vec<u8> + 'a>;
 
 #[test]
@@ -291,5 +290,5 @@ fn no_reader_takes_more_than_eight_times_its_file_and_64_mb() {
         }
     }
     assert!(broken.is_empty(), "{}", broken.join("\n"));
-    assert_eq!(taken, 18, "files that are in order");
+    assert_eq!(taken, 18, "number of valid files");
 }

@@ -1,33 +1,33 @@
-//! What tests need and a machine may lack: data, an emulator, a browser, a vector unit.
+//! Requirements of tests that a machine may lack: data, an emulator, a browser, a vector unit.
 //!
-//! A test that cannot ask its question must not look as if it had been answered. [`missing`] says
-//! so on the terminal, past the harness, and fails where `CI` is set.
+//! A test that cannot run must not look as if it had passed. [`missing`] prints so on the terminal,
+//! past the harness, and fails with `CI` set.
 
 use std::env;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// Says that the test at hand is left out, and what for.
+/// Prints that the current test is skipped, and why.
 ///
 /// # Panics
 ///
-/// Where `CI` is set: what is missing there is a failure.
+/// With `CI` set.
 pub fn missing(what: &str) {
     assert!(env::var_os("CI").is_none(), "missing, and this is CI: {what}");
     say_skipped(what);
 }
 
 fn say_skipped(what: &str) {
-    // The harness keeps what a passing test prints, but not what it writes.
+    // The harness captures what a passing test prints, but not what it writes to stderr directly.
     let _ = writeln!(std::io::stderr(), "SKIPPED: {what}");
 }
 
-/// The folder of the real inputs (docs/data.md), which `ECHOLOOP_DATA` names; without it the test
-/// on `what` is left out, see [`missing`].
+/// Folder of the real data (docs/data.md), from `ECHOLOOP_DATA`; without it the test of `what` is
+/// skipped, see [`missing`].
 ///
 /// # Panics
 ///
-/// In CI without it.
+/// Without the folder, with `CI` set.
 pub fn data_folder(what: &str) -> Option<PathBuf> {
     let folder = env::var_os("ECHOLOOP_DATA").map(PathBuf::from);
     if folder.is_none() {
@@ -36,22 +36,22 @@ pub fn data_folder(what: &str) -> Option<PathBuf> {
     folder
 }
 
-/// One of the real inputs, by its path in [`data_folder`].
+/// A file or folder of the real data, by its path in [`data_folder`].
 ///
 /// # Panics
 ///
-/// In CI without the folder; anywhere, when the folder lacks it.
+/// Without the folder, with `CI` set; when the folder lacks it.
 pub fn data(name: &str) -> Option<PathBuf> {
     let path = data_folder(name)?.join(name);
     assert!(path.exists(), "ECHOLOOP_DATA has no {name}");
     Some(path)
 }
 
-/// Whether the processor has AVX2; where it has not, the test is left out, see [`missing`].
+/// Returns `has_avx2`; without AVX2 the test is skipped, see [`missing`].
 ///
 /// # Panics
 ///
-/// In CI without it.
+/// Without AVX2, with `CI` set.
 pub fn avx2(has_avx2: bool) -> bool {
     if !has_avx2 {
         missing("this processor has no AVX2, so what is written for it was not run");
@@ -59,8 +59,8 @@ pub fn avx2(has_avx2: bool) -> bool {
     has_avx2
 }
 
-/// Whether the processor has AVX-512; where it has not, says what was not run. That is no failure
-/// anywhere, as many processors have none: what is written for it is then not used.
+/// Returns `has_avx512`; without AVX-512 it prints what was not run. That never fails, since many
+/// processors lack AVX-512 and the code for it is then not used.
 pub fn avx512(has_avx512: bool) -> bool {
     if !has_avx512 {
         say_skipped("this processor has no AVX-512, so what is written for it was not run");
@@ -76,7 +76,7 @@ mod tests {
 
     const DATA: &str = "tests::a_test_that_lacks_its_data";
 
-    /// Run by [`left_out`] only: alone it would say something that is not so.
+    /// Run by [`left_out`] only, as it reports a test that is not skipped.
     #[test]
     #[ignore = "a part of the tests below"]
     fn a_test_that_lacks_its_data() {
@@ -84,14 +84,14 @@ mod tests {
         assert!(!avx2(false));
     }
 
-    /// As above.
+    /// Run by [`left_out`] only.
     #[test]
     #[ignore = "a part of the tests below"]
     fn a_test_for_avx512() {
         assert!(!avx512(false));
     }
 
-    /// A test above in a process of its own, with `CI` or without.
+    /// Runs a test above in its own process, with `CI` or without.
     fn left_out(test: &str, ci: Option<&str>) -> Output {
         let mut command = Command::new(env::current_exe().expect("this program"));
         command.args(["--exact", "--ignored", test]);
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_out_is_seen_although_the_test_passes() {
+    fn a_skipped_test_passes_and_prints_what_it_lacks() {
         let output = left_out(DATA, None);
         let seen = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{seen}");
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn in_ci_it_is_a_failure() {
+    fn a_skipped_test_fails_in_ci() {
         let output = left_out(DATA, Some("true"));
         assert!(!output.status.success());
         let said = String::from_utf8_lossy(&output.stdout);
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn without_avx512_it_is_said_and_no_failure_even_in_ci() {
+    fn lack_of_avx512_is_printed_and_never_fails() {
         let output = left_out("tests::a_test_for_avx512", Some("true"));
         let seen = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{seen}");

@@ -1,4 +1,4 @@
-//! The detector's constants.
+//! Constants of the detector.
 
 use echoloop_dsp::choice::{AmbientEstimator, EchoChoice, TimingMethod};
 use echoloop_dsp::template::Template;
@@ -13,16 +13,16 @@ use super::split::Sharpener;
 /// Speed of light, m/s.
 pub const LIGHT: f64 = 299_792_458.0;
 
-/// The whole detector, constants first.
+/// Bit-true model of the detector.
 #[derive(Clone, Debug)]
 pub struct BitTrue {
-    /// m.
+    /// m, number of shots.
     pub shots: f64,
-    /// 2^d, which the sum of the shots is divided by.
+    /// 2^d, divisor of the sum of the shots.
     pub sum_divisor: f64,
     /// Samples before the trigger.
     pub pre_trigger: usize,
-    /// Which ambient estimator.
+    /// Ambient estimator.
     pub ambient: AmbientEstimator,
     /// Black level, Q1.15.
     pub black: f64,
@@ -30,45 +30,45 @@ pub struct BitTrue {
     pub code: f64,
     /// Q1.15 LSB of one code of one shot.
     pub shot_code: f64,
-    /// The lowest saturated code.
+    /// Lowest saturated code.
     pub clip_code: f64,
-    /// The filter, Q1.15.
+    /// Taps of the filter, Q1.15.
     pub taps: Vec<f64>,
-    /// r, Q1.15.
+    /// r, gain of noise, Q1.15.
     pub noise_gain: f64,
-    /// 1/g, Q2.14.
+    /// 1/g, inverse of the filter's peak gain, Q2.14.
     pub inverse_gain: f64,
-    /// g·N, Q1.15.
+    /// g·N, noise floor behind the filter, Q1.15.
     pub floor: f64,
-    /// k, Q8.8.
+    /// k, SNR threshold, Q8.8.
     pub snr_threshold: f64,
-    /// o.
+    /// o, upsampling.
     pub upsampling: f64,
-    /// Which timing method.
+    /// Timing method.
     pub timing: TimingMethod,
-    /// gain, Q16.16.
+    /// Gain of the time's σ, Q16.16.
     pub timing_gain: f64,
-    /// q, Q1.15.
+    /// q, share of the top's shot noise that counts, Q1.15.
     pub shot_share: f64,
-    /// β, Q1.15.
+    /// β, bias of the parabola, Q1.15.
     pub timing_bias: f64,
-    /// z, Q16.16.
+    /// z, time from the method's edge to the middle, Q16.16.
     pub timing_offset: f64,
-    /// The pulse as it was emitted.
+    /// The emitted pulse.
     pub pulse: Pulse,
-    /// w, Q16.16 samples: broader peaks may hide others.
+    /// w, width above which a peak may hide others, Q16.16 samples.
     pub broad: f64,
-    /// K of the pulse: samples on either side of its middle, strictly inside.
+    /// K, number of samples strictly inside the pulse on either side of its middle.
     pub reach: usize,
-    /// κ, Q0.32.
+    /// κ, shot noise, Q0.32.
     pub shot_noise: f64,
-    /// 2⁻⁷⁴ of ρ per Q1.15 and mm²: an integer that `f64` does not hold.
+    /// Reflectivity per Q1.15 and mm², in 2⁻⁷⁴; an integer that `f64` does not hold.
     pub reflectivity_scale: u64,
-    /// ΔR, samples.
+    /// ΔR, minimum separation, samples.
     pub min_separation: f64,
-    /// E.
+    /// E, largest number of echoes.
     pub echoes: usize,
-    /// Which of them.
+    /// Choice of echoes.
     pub choice: EchoChoice,
     /// Sample period, fs.
     pub period_fs: f64,
@@ -78,15 +78,15 @@ pub struct BitTrue {
     pub range_step: f64,
     /// Range of sample 0, Q16.16 samples, at most 4096 of them.
     pub origin_samples: f64,
-    /// From sample 0 to where the receiver begins to see the beam, Q16.16 samples.
+    /// Distance from sample 0 to where the receiver begins to see the beam, Q16.16 samples.
     pub blind: f64,
-    /// From where on it sees all of it, mm.
+    /// Range from which it sees the whole beam, mm.
     pub overlap_mm: f64,
-    /// How the gain rises.
+    /// Rise of the gain.
     pub ramp: Option<Ramp>,
-    /// How dithered shots are read.
+    /// Reader of dithered shots.
     pub(super) dithered: Option<Dithered>,
-    /// Finds the peaks that others hide.
+    /// Filter that finds hidden peaks.
     pub sharpener: Option<Sharpener>,
 }
 
@@ -97,16 +97,17 @@ pub fn period_fs(bins: i32, hardware: &Hardware) -> f64 {
 }
 
 impl BitTrue {
-    /// Everything the stages read. `config`, of the same settings, gives what is computed in `f32`.
+    /// The model for accepted settings; `config`, of the same settings, gives the constants in
+    /// `f32`.
     pub fn new(settings: &Settings, hardware: &Hardware, config: &DetectorConfig) -> Self {
         let period_fs = period_fs(settings.bins, hardware);
         let width_ps = settings.pulse_width_ps as u32;
-        let choices = settings.choices().expect("settings that are taken name choices");
+        let choices = settings.choices().expect("accepted settings have valid choices");
         let template = Template::new(choices.denoise, width_ps, period_fs as u32);
         let taps: Vec<f64> = template.taps().iter().map(|&h| f64::from(h)).collect();
         let peak_gain = f64::from(template.peak_gain());
         let shots = f64::from(settings.shots);
-        // Of b + log₂ m bits, 14 at most stay.
+        // A sum has b + log₂ m bits, of which at most 14 stay.
         let bits = hardware.adc_bits as i32 + shots.log2() as i32;
         let sum_divisor = two_to((bits - 14).max(0));
         let full_scale = nearest(shots * (two_to(hardware.adc_bits as i32) - 1.0) / sum_divisor);

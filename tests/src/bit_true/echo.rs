@@ -1,4 +1,4 @@
-//! Wire units.
+//! Echoes in wire units.
 
 use super::config::BitTrue;
 use super::numbers::{floor_of, nearest, nearest_ratio, product, two_to};
@@ -10,9 +10,9 @@ fn in_u16(value: f64) -> f64 {
 }
 
 impl BitTrue {
-    /// A refined peak in wire units; none before range 0.
+    /// A refined peak in wire units; `None` at a negative range.
     pub fn echo(&self, refined: &Refined, threshold: &Threshold, index: usize) -> Option<Echo> {
-        // time · step may take 61 bits: whole samples and the fraction apart, and floors of floors
+        // time · step may take 61 bits, hence whole samples and the fraction apart.
         let samples = (refined.time / two_to(16)).floor();
         let fraction = refined.time - samples * two_to(16);
         let along = samples * self.range_step + (fraction * self.range_step / two_to(16)).floor();
@@ -40,12 +40,12 @@ impl BitTrue {
         })
     }
 
-    /// A height seen at a sample as it would be at full gain.
+    /// Height at full gain of a height seen at sample `n`.
     pub(super) fn at_full_gain(&self, height: f64, n: usize) -> f64 {
         self.ramp.map_or(height, |ramp| ramp.at_full_gain(height, n))
     }
 
-    /// A R² / (U P G ξ), U6.10.
+    /// Reflectivity A R² / (U P G ξ), U6.10.
     fn reflectivity(&self, amplitude: f64, range_mm: f64) -> f64 {
         let most = u128::from(u64::MAX);
         let blind_mm = (self.overlap_mm * 9.0 / 10.0).floor();

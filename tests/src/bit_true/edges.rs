@@ -1,4 +1,4 @@
-//! The pulse, fitted to the edges of a clipped run.
+//! Fit of the pulse to the edges of a clipped run.
 
 use super::noise::Noise;
 use super::numbers::{floor_of, floor_root, product, two_to};
@@ -7,37 +7,37 @@ use super::pulse::Pulse;
 /// Time and its σ in Q16.16 samples, amplitude in Q1.15.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edges {
-    /// Since sample 0.
+    /// Time since sample 0.
     pub time: f64,
-    /// As if nothing had clipped it.
+    /// Amplitude without clipping.
     pub amplitude: f64,
-    /// Of the time.
+    /// σ of the time.
     pub sigma: f64,
 }
 
 const SAMPLE: f64 = 65_536.0;
 
-/// 2⁻¹⁰ samples.
+/// Least σ, 2⁻¹⁰ samples.
 const FINEST: f64 = 64.0;
 
-/// What is known of a pulse whose samples `first..=last` are clipped at `level`.
+/// A waveform whose samples `first..=last` are clipped at `level`.
 #[derive(Clone, Copy, Debug)]
 pub struct Clipped<'a> {
-    /// The pulse as it was emitted.
+    /// The emitted pulse.
     pub pulse: &'a Pulse,
-    /// Q1.15.
+    /// Waveform without baseline, Q1.15.
     pub x: &'a [f64],
-    /// Q1.15.
+    /// Clip level, Q1.15.
     pub level: f64,
-    /// The first of the run.
+    /// First sample of the run.
     pub first: usize,
-    /// The last of the run.
+    /// Last sample of the run.
     pub last: usize,
-    /// Of the waveform.
+    /// Noise of the waveform.
     pub noise: Noise,
 }
 
-/// One sample of each edge: how both are explained by one pulse.
+/// Fit of the pulse to one sample of each edge.
 #[derive(Clone, Copy, Debug)]
 struct Pair {
     both_show: bool,
@@ -46,11 +46,11 @@ struct Pair {
     sigma: f64,
 }
 
-/// x of the sample of one edge, A, σ of x.
+/// Phase x of the left sample in the pulse, amplitude A, σ of x.
 type Solution = (f64, f64, f64);
 
 impl Clipped<'_> {
-    /// None where the run touches an end.
+    /// `None` when the run touches an end of the waveform.
     pub fn fit(&self) -> Option<Edges> {
         let nearest = self.pair(1)?;
         let pairs: Vec<Pair> =
@@ -65,7 +65,7 @@ impl Clipped<'_> {
         }
         let weight = |pair: &Pair| (two_to(40) / (pair.sigma * pair.sigma)).floor().max(1.0);
         let weights: f64 = pairs.iter().map(weight).sum();
-        // Relative to the first: the average rounds down all the same.
+        // Times relative to the first pair's, as the integer code rounds them.
         let later: f64 = pairs.iter().map(|pair| weight(pair) * (pair.time - nearest.time)).sum();
         Some(Edges {
             time: nearest.time + (later / weights).floor(),
@@ -74,7 +74,7 @@ impl Clipped<'_> {
         })
     }
 
-    /// The i-th samples before and after the run.
+    /// Fit to the i-th samples before and after the run.
     fn pair(&self, i: usize) -> Option<Pair> {
         let (before, after) = (self.first.checked_sub(i)?, self.last + i);
         let (left, right) = (self.x[before], *self.x.get(after)?);
@@ -145,7 +145,7 @@ impl Clipped<'_> {
     }
 }
 
-/// Halves an interval around the root of a falling function until it is 2⁻⁵ samples.
+/// Bisects an interval around the root of a falling function down to 2⁻⁵ samples.
 fn bisect(low: f64, high: f64, falling: &impl Fn(f64) -> f64) -> (f64, f64) {
     let middle = ((low + high) / 2.0).floor();
     match high - low <= SAMPLE / 32.0 {
@@ -160,12 +160,12 @@ fn root(a: f64, b: f64) -> f64 {
     floor_root(product(a, two_to(32)) / b as u128).min(two_to(24))
 }
 
-/// σ of a density that rises from 0: 1/√18 in Q0.16.
+/// σ of a density that rises linearly from 0: width/√18, the factor in Q0.16.
 fn rising(width: f64) -> f64 {
     (width * (two_to(16) / 18f64.sqrt()).round() / two_to(16)).floor()
 }
 
-/// σ of a uniform distribution: 1/√12 in Q0.16.
+/// σ of a uniform distribution: width/√12, the factor in Q0.16.
 fn uniform(width: f64) -> f64 {
     (width * (two_to(16) / 12f64.sqrt()).round() / two_to(16)).floor()
 }

@@ -4,7 +4,7 @@ use super::config::BitTrue;
 use super::numbers::{nearest, saturated, two_to};
 use super::values::{Statistics, Threshold};
 
-/// `Σ h[k] x[n + k − K]`, x = 0 outside.
+/// `Σ h[k] x[n + k − K]`, with x = 0 outside.
 pub fn correlate(taps: &[f64], x: &[f64]) -> Vec<f64> {
     let half = taps.len() / 2;
     let mut padded = vec![0.0; half];
@@ -15,7 +15,7 @@ pub fn correlate(taps: &[f64], x: &[f64]) -> Vec<f64> {
 }
 
 impl BitTrue {
-    /// x, Q1.15.
+    /// Waveform without baseline, x, Q1.15.
     pub fn baseline(&self, codes: &[u16], ambient: f64) -> Vec<f64> {
         let ambient = saturated(ambient);
         let fraction = |&code: &u16| f64::from(code).min(self.clip_code) * self.code;
@@ -23,23 +23,23 @@ impl BitTrue {
         codes.iter().enumerate().map(above).collect()
     }
 
-    /// y, Q1.15: as long as x.
+    /// Filter's output y, Q1.15, as long as x.
     pub fn filter(&self, x: &[f64]) -> Vec<f64> {
         let round = |sum: &f64| saturated(nearest(sum / two_to(15)));
         self.sums(x).iter().map(round).collect()
     }
 
-    /// f, Q9.23: as long as x.
+    /// Filter's output f with eight more bits, Q9.23, as long as x.
     pub fn exact(&self, x: &[f64]) -> Vec<f64> {
         self.sums(x).iter().map(|sum| nearest(sum / two_to(7))).collect()
     }
 
-    /// The filter's sums, Q2.30.
+    /// Sums of the filter, Q2.30.
     fn sums(&self, x: &[f64]) -> Vec<f64> {
         correlate(&self.taps, x)
     }
 
-    /// σ_y and T.
+    /// Threshold T and σ_y of a waveform.
     pub fn threshold(&self, statistics: &Statistics) -> Threshold {
         let sigma = nearest(statistics.sigma * self.noise_gain / two_to(15));
         let by_noise = nearest(sigma * self.snr_threshold / two_to(12));

@@ -1,6 +1,6 @@
-//! The model of the finder of recorded waveforms: from its tables, in `f64`, compared with `==`.
+//! Bit-true model of the echo finder of recorded waveforms.
 //!
-//! Sums stay below 2⁵³ on the waveforms of the tests, so every number is exact.
+//! Sums stay below 2⁵³ on the waveforms of the tests, so every number in `f64` is exact.
 
 use echoloop_dsp::template::Template;
 use echoloop_instruments::finder::components::SWEEPS;
@@ -8,16 +8,13 @@ use echoloop_instruments::finder::gaussian::TABLE;
 use echoloop_instruments::finder::scale::WIDTHS;
 use echoloop_instruments::finder::{FinderConfig, FoundEcho, Pulse, SHARPNESS};
 
-use super::numbers::nearest;
+use super::numbers::{nearest, nearest_ratio};
+use super::refine::{LOW_CONFIDENCE, MERGED, SATURATED, TRUNCATED};
 use super::split::{Sharpener, prominent_peaks};
+use super::statistics::Order;
 use super::values::Peak;
 
-const SATURATED: u8 = 1;
-const MERGED: u8 = 2;
-const LOW_CONFIDENCE: u8 = 4;
-const TRUNCATED: u8 = 16;
-
-/// An echo, as of `FoundEcho`.
+/// An echo with the fields of `FoundEcho`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs, reason = "each is the field of FoundEcho of that name")]
 pub struct Echo {
@@ -48,31 +45,12 @@ fn q16(samples: f64) -> f64 {
     samples * 65_536.0
 }
 
-/// To the nearest integer, ties up, of a quotient; of zero over zero, zero.
-fn quotient(numerator: f64, denominator: f64) -> f64 {
-    if denominator == 0.0 {
-        0.0
-    } else {
-        ((2.0 * numerator + denominator) / (2.0 * denominator)).floor()
-    }
-}
-
-/// The value of rank ⌈N/2⌉, how many lie below it and how many on it.
-fn middle(values: &[f64]) -> (f64, f64, f64) {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let middle = sorted[sorted.len().div_ceil(2) - 1];
-    let count =
-        |pick: fn(f64, f64) -> bool| values.iter().filter(|&&v| pick(v, middle)).count() as f64;
-    (middle, count(|v, m| v < m), count(|v, m| v == m))
-}
-
-/// Ambient (Q1.15) and noise (Q13.19).
+/// Ambient level (Q1.15) and noise (Q13.19) of a record.
 fn rest(codes: &[f64], code: f64) -> (f64, f64) {
     let differences: Vec<f64> = codes.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
-    let median = middle(&differences).0;
+    let median = Order::from_values(differences.clone()).middle;
     let deviations: Vec<f64> = differences.iter().map(|d| (d - median).abs()).collect();
-    let (deviation, below, at) = middle(&deviations);
+    let Order { middle: deviation, below, at } = Order::from_values(deviations.clone());
     let (half, fine) = (deviations.len() as f64 / 2.0, code * 16.0);
     let mad = match deviation {
         0.0 => (half * fine / (2.0 * at)).floor(),
@@ -101,14 +79,14 @@ fn rest(codes: &[f64], code: f64) -> (f64, f64) {
     if let Some((a, b)) = dense.filter(|(a, b)| (b - a) * code <= (2.0 * one_sigma).max(code)) {
         rest = rest.max((a + b) * code / 2.0 - one_sigma);
     }
-    let (v, below, at) = middle(codes);
+    let Order { middle: v, below, at } = Order::from_values(codes.to_vec());
     let median =
         (v - 0.5) * code + ((codes.len() as f64 - 2.0 * below) * code / (2.0 * at)).floor();
     let ambient = if median <= rest + one_sigma { median } else { rest };
     (ambient.min(32_767.0), sigma)
 }
 
-/// A waveform through symmetric taps, its ends repeated.
+/// A waveform filtered with symmetric taps, its end values repeated outside.
 fn filtered(taps: &[f64], x: &[f64]) -> Vec<f64> {
     let sharpener = Sharpener { taps: taps.to_vec(), lag: 1, noise_gain: 0.0 };
     sharpener.sharpened(x, |n| if n < 0 { x[0] } else { x[x.len() - 1] })
@@ -122,7 +100,7 @@ fn highest(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// Width of the pulse, samples, and the index of the view's filter.
+/// Width of the pulse, samples, and the index of the filter to measure through.
 fn scale(bank: &[Template], x: &[f64], sigma: f64, pulse: Option<f64>) -> (f64, usize) {
     let gain = |t: &Template| f64::from(t.noise_gain());
     let pulse = pulse.unwrap_or_else(|| {
@@ -146,7 +124,7 @@ fn scale(bank: &[Template], x: &[f64], sigma: f64, pulse: Option<f64>) -> (f64, 
     (pulse, view.unwrap_or(WIDTHS.len() - 1))
 }
 
-/// g at a distance, both as of `Gaussian`.
+/// Gaussian g at a distance, in the formats of `Gaussian`.
 fn gaussian(sigma: f64, distance: f64) -> f64 {
     let inverse = (536_870_912.0 / sigma).floor();
     let z = (distance.abs() * inverse / 65_536.0).floor();
@@ -175,7 +153,7 @@ impl Component {
         ((q16(n as f64) - self.time) / 256.0).floor()
     }
 
-    /// Samples within 4.5 σ.
+    /// Span of samples within 4.5 σ.
     fn span(&self, samples: usize) -> std::ops::Range<usize> {
         let (centre, reach) = ((self.time / 256.0).floor(), (4.5 * self.sigma).floor());
         let first = ((centre - reach) / 256.0).floor().max(0.0) as usize;
@@ -232,16 +210,17 @@ fn fit(x: &[f64], peaks: &[Peak]) -> Vec<Component> {
             if s0 <= 0.0 {
                 continue;
             }
-            let step = quotient(512.0 * s1, s0).clamp(-128.0 * before.sigma, 128.0 * before.sigma);
+            let most = 128.0 * before.sigma;
+            let step = nearest_ratio(512.0 * s1, s0).clamp(-most, most);
             all[k].time = (before.time + step).clamp(0.0, q16(x.len() as f64 - 1.0));
-            all[k].sigma = next_sigma(before.sigma, quotient(s2, s0));
+            all[k].sigma = next_sigma(before.sigma, nearest_ratio(s2, s0));
             let after = all[k];
             let (mut rg, mut gg) = (0.0, 0.0);
             for n in after.span(x.len()) {
                 let g = gaussian(after.sigma, after.distance(n));
                 (rg, gg) = (rg + left(n, &all) * g, gg + nearest(g * g / 32_768.0));
             }
-            all[k].height = quotient(rg, gg).clamp(0.0, 65_536.0);
+            all[k].height = nearest_ratio(rg, gg).clamp(0.0, 65_536.0);
             moved |= step.abs() >= 256.0 || after.sigma != before.sigma;
         }
         if !moved {
@@ -256,7 +235,7 @@ fn next_sigma(sigma: f64, v: f64) -> f64 {
     let rest = square - v;
     let next = match rest <= 16.0 {
         true => (sigma * 333.0 / 256.0).floor(),
-        false => (256.0 * quotient(v.max(0.0) * square, rest)).sqrt().floor(),
+        false => (256.0 * nearest_ratio(v.max(0.0) * square, rest)).sqrt().floor(),
     };
     let (least, most) = ((sigma * 179.0 / 256.0).floor(), (sigma * 358.0 / 256.0).floor());
     next.clamp(least, most).clamp(MIN_SIGMA, MAX_SIGMA)
@@ -305,12 +284,11 @@ fn climb(y: &[f64], start: usize, reach: usize, flat: f64) -> Top {
 }
 
 fn vertex(before: f64, here: f64, after: f64) -> f64 {
-    let (numerator, denominator) = ((before - after) * 32_768.0, before - 2.0 * here + after);
-    let sign = if denominator < 0.0 { -1.0 } else { 1.0 };
-    quotient(sign * numerator, sign * denominator).clamp(-32_768.0, 32_768.0)
+    let slope = (before - after) * 32_768.0;
+    nearest_ratio(slope, before - 2.0 * here + after).clamp(-32_768.0, 32_768.0)
 }
 
-/// A crossing of half the height: where, or why there is none.
+/// Time at which one side crosses half the height, or the flag that says why it does not.
 fn crossing(y: &[f64], top: &Top, prominence: f64, direction: i64) -> Result<f64, u8> {
     let (half, rise) = ((top.height / 2.0).floor(), prominence.max((top.height / 16.0).floor()));
     let (mut i, mut valley) = (top.first as i64, top.height);
@@ -330,7 +308,7 @@ fn crossing(y: &[f64], top: &Top, prominence: f64, direction: i64) -> Result<f64
     }
 }
 
-/// All echoes of a record of codes.
+/// Echoes of a record of codes.
 pub fn echoes(codes: &[u16], search: &FinderConfig) -> Vec<Echo> {
     let codes: Vec<f64> = codes.iter().map(|&code| code.into()).collect();
     if codes.len() < 3 {
@@ -350,18 +328,18 @@ pub fn echoes(codes: &[u16], search: &FinderConfig) -> Vec<Echo> {
     strongest(peaks.iter().filter_map(place).collect(), search)
 }
 
-/// A record above its ambient.
+/// A record without its ambient level.
 struct Record<'a> {
     search: &'a FinderConfig,
-    /// Units of Q1.15 a code.
+    /// Q1.15 LSB per code.
     code: f64,
     x: Vec<f64>,
     sigma: f64,
     /// Width of its pulse, samples.
     pulse: f64,
-    /// Its place in the bank.
+    /// Index of `narrow` in the bank of filters.
     view: usize,
-    /// The filter it is seen through.
+    /// Filter to measure through.
     narrow: Template,
 }
 
@@ -379,7 +357,7 @@ impl<'a> Record<'a> {
     }
 }
 
-/// The waveform that peaks are found in.
+/// The sharpened waveform, in which peaks are found.
 struct Sharpened {
     z: Vec<f64>,
     sigma: f64,
@@ -414,7 +392,7 @@ impl Sharpened {
     }
 }
 
-/// The waveform that tops and widths are measured on.
+/// The filtered waveform, on which tops and widths are measured.
 struct Seen<'a> {
     record: &'a Record<'a>,
     y: Vec<f64>,
@@ -468,7 +446,8 @@ impl<'a> Seen<'a> {
         })
     }
 
-    /// A component's time, as far from the top as noise and skew allow, and within the record.
+    /// Time of a component, limited to as far from the top as noise and skew allow, and to the
+    /// record.
     fn time(&self, top: &Top, component: &Component) -> f64 {
         let Record { search, x, view, sigma, .. } = self.record;
         let noise = (*view == 0).then_some(*sigma);
@@ -476,7 +455,7 @@ impl<'a> Seen<'a> {
         time.clamp(0.0, q16(x.len() as f64 - 1.0))
     }
 
-    /// Of a top that the filter has lowered, as it was before.
+    /// Height of a top before the filter lowered it.
     fn height(&self, top: &Top) -> f64 {
         let Record { narrow, view, pulse, .. } = self.record;
         let inverse = (536_870_912.0 / f64::from(narrow.peak_gain())).floor().min(65_535.0);
@@ -487,7 +466,8 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// Width at half height; where a side has no crossing, twice the other's, or the component's.
+/// Width at half height. If one side has no crossing, twice the other half; without any, the
+/// component's width.
 fn width(
     top: &Top,
     [left, right]: [Result<f64, u8>; 2],
@@ -503,7 +483,7 @@ fn width(
 
 fn limited(top: f64, component: &Component, noise: Option<f64>, pulse: Option<&Pulse>) -> f64 {
     let square = (component.sigma * component.sigma / 256.0).floor();
-    let jitter = |noise: f64| quotient(23.0 * noise * square, component.height.max(1.0));
+    let jitter = |noise: f64| nearest_ratio(23.0 * noise * square, component.height.max(1.0));
     let reach = noise.map_or(0.0, |noise| (18.0 * component.sigma - jitter(noise)).max(0.0));
     let skew = pulse.map_or(0.0, |p| (p.skew as f64).clamp(-(p.width as f64), p.width as f64));
     top.clamp(
@@ -539,7 +519,7 @@ fn without_ringing(peaks: &[Peak], z: &[f64], width: f64, pulse: Option<&Pulse>)
     kept
 }
 
-/// Highest first, each at least so far from every higher one.
+/// The highest echoes that keep the minimum separation from every higher one.
 fn strongest(mut echoes: Vec<Echo>, search: &FinderConfig) -> Vec<Echo> {
     echoes.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude).then(a.time.total_cmp(&b.time)));
     let apart = q16(f64::from(search.min_separation.max(1)));

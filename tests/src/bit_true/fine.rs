@@ -1,4 +1,4 @@
-//! The edges of clipped echoes from dithered shots.
+//! Edge fit of clipped echoes from dithered shots.
 
 use echoloop_dsp::{Hardware, Settings};
 
@@ -9,21 +9,21 @@ use super::pulse::Pulse;
 
 const SAMPLE: f64 = 65_536.0;
 
-/// How shots that begin at different moments are read as one waveform of a higher rate.
+/// Combines shots that begin at different phases into one waveform of a higher sample rate.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Dithered {
     phases: usize,
-    /// Shots of a phase.
+    /// Shots per phase.
     shots: f64,
     /// Q1.15 LSB of a code of one shot.
     code: f64,
-    /// Lowest saturated sum of a phase.
+    /// Lowest saturated sum of a phase's shots.
     clip: f64,
     pulse: Pulse,
 }
 
 impl Dithered {
-    /// None where shots are not dithered, or the pulse is longer than can be held.
+    /// `None` without dithered shots, or when the pulse is too long.
     pub(super) fn new(settings: &Settings, hardware: &Hardware, period_fs: f64) -> Option<Self> {
         let phases = if settings.dither == 1 { settings.shots.min(4) } else { 1 };
         let shots = f64::from(settings.shots) / f64::from(phases);
@@ -39,7 +39,7 @@ impl Dithered {
         })
     }
 
-    /// Of a run of clipped samples; `shots` are those of the waveform alone.
+    /// Fits a clipped run; `shots` hold the window's codes only.
     pub(super) fn fit(
         &self,
         shots: &[&[u16]],
@@ -48,7 +48,7 @@ impl Dithered {
         noise: &Noise,
     ) -> Option<Edges> {
         let samples = shots.first()?.len();
-        // Every fourth shot, in the order in which they sample.
+        // Sum of every fourth shot, by phase.
         let sum = |n: usize, phase: usize| {
             let of_phase = shots.iter().enumerate().filter(|(k, _)| k % self.phases == phase);
             of_phase.map(|(_, codes)| f64::from(codes[n])).sum::<f64>()
@@ -63,7 +63,7 @@ impl Dithered {
         }
         let begin = (0..middle).rfind(|&j| fine[j] < self.clip).map_or(0, |j| j + 1);
         let end = (middle..fine.len()).find(|&j| fine[j] < self.clip).unwrap_or(fine.len()) - 1;
-        // When a finer sample is taken, Q16.16 samples of the waveform; down.
+        // Time of a finer sample, Q16.16 samples of the waveform, rounded down.
         let phases = self.phases as f64;
         let time = |j: usize| ((2.0 * j as f64 + 1.0 - phases) * SAMPLE / (2.0 * phases)).floor();
         let in_q15 = |sum: f64| (sum * self.code / self.shots).floor();

@@ -1,4 +1,4 @@
-//! How high a clipped echo would have been.
+//! Height of a clipped echo without clipping.
 
 use super::edges::Clipped;
 use super::numbers::{floor_of, two_to};
@@ -7,33 +7,35 @@ use super::ramp::{Ramp, power};
 const SAMPLE: f64 = 65_536.0;
 const MOST: f64 = 33_554_432.0;
 
-/// A clipped waveform, and where its echoes lie.
+/// A clipped run in its waveform.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Saturated<'a> {
-    /// The run, with what reads its edges.
+    /// The run, with its edge fit.
     pub(super) clipped: Clipped<'a>,
-    /// Codes.
+    /// Codes of the waveform.
     pub(super) codes: &'a [u16],
-    /// The lowest saturated code.
+    /// Lowest saturated code.
     pub(super) clip_code: f64,
     /// Range of sample 0, Q16.16 samples.
     pub(super) origin: f64,
-    /// From sample 0 to where the receiver begins to see the beam, Q16.16 samples.
+    /// Distance from sample 0 to where the receiver begins to see the beam, Q16.16 samples.
     pub(super) blind: f64,
-    /// How the gain rises.
+    /// Rise of the gain.
     pub(super) ramp: Option<Ramp>,
 }
 
-/// Beside a run: where it really ends, how far from there the side falls to a quarter, and its
-/// lowest sample.
+/// One side of a run.
 struct Beside {
+    /// Last clipped sample, with those behind shallow dips.
     end: usize,
+    /// Distance from there to a quarter of the clip level.
     fall: Option<f64>,
+    /// Distance and value of the lowest sample before that.
     lowest: Option<(usize, f64)>,
 }
 
 impl Saturated<'_> {
-    /// Q1.15.
+    /// Height without clipping, Q1.15.
     pub(super) fn height(&self) -> f64 {
         let Clipped { pulse, level, first, last, .. } = self.clipped;
         let reach = 8 * (pulse.length() / SAMPLE).ceil() as usize;
@@ -54,20 +56,20 @@ impl Saturated<'_> {
         height.clamp(level.min(MOST), MOST)
     }
 
-    /// `outwards` are the samples beside the run's `end`, nearest first.
+    /// Follows one side of the run; `outwards` are the samples beyond its `end`, nearest first.
     fn beside(&self, end: usize, outwards: &[usize]) -> Beside {
         let level = self.clipped.level;
         let quarter = (level / 4.0).floor();
         let value = |n: usize| self.clipped.x[n];
         let clips = |&n: &usize| f64::from(self.codes[n]) >= self.clip_code;
         let low = |&n: &usize| !clips(&n) && value(n) < quarter;
-        // Up to the first low sample, or to the first clipped one behind a deep dip.
+        // Goes to the first low sample, or to the first clipped one behind a deep dip.
         let mut end = end;
         let mut rest = outwards;
         loop {
             let stop = rest.iter().position(|n| clips(n) || low(n)).unwrap_or(rest.len());
             let dip = &rest[..stop];
-            // Of equals the nearest.
+            // Of equal samples the nearest.
             let lowest = dip.iter().copied().reduce(|a, b| if value(b) < value(a) { b } else { a });
             let place = |n: usize| (n.abs_diff(end), value(n));
             match rest.get(stop) {
@@ -87,7 +89,7 @@ impl Saturated<'_> {
         }
     }
 
-    /// v R² along the far side, as far back as where the run begins.
+    /// Height of an echo of air: v R² along the far side, extrapolated back to the run's begin.
     fn air(&self, run: &Clipped<'_>, right: &Beside) -> Option<f64> {
         let Clipped { pulse, level, first, last, .. } = *run;
         if first as f64 * SAMPLE - self.blind > pulse.length() {
@@ -115,7 +117,7 @@ impl Saturated<'_> {
         Some(self.at_gain_of(height as f64, end - self.origin, middle))
     }
 
-    /// A value seen at one time as it would have been at an earlier one.
+    /// Value seen at time `at`, rescaled to the gain of an earlier time.
     fn at_gain_of(&self, value: f64, at: f64, earlier: f64) -> f64 {
         let Some(ramp) = &self.ramp else { return value };
         let fall = power(ramp.octaves(at) - ramp.octaves(earlier));

@@ -1,21 +1,22 @@
-//! The bit-true model: it rounds where the DSP's tables say.
+//! Bit-true model of the detector: it rounds where the DSP's tables say.
 //!
-//! Written from those tables, not from the code: in `f64`, by sorting instead of counting, with
-//! sums in no particular order. `f64` holds nearly every integer here exactly, and [`numbers`] the
-//! products it does not, so the comparison is `==`. Values are in LSB of the DSP's formats. Of the
-//! DSP it takes only what is computed in `f32`: the filter's taps and their gain, the timing
-//! stage's constants, κ and the scale of reflectivity, each of which has a test of its own; and
-//! where more than one echo is asked for, which peaks hide under others, whose model is [`split`].
+//! It is written from those tables, not from the code: in `f64`, by sorting instead of counting,
+//! with sums in any order. `f64` holds nearly every integer here exactly, and [`numbers`] the
+//! products that it does not, so tests compare with `==`. Values are in LSB of the DSP's formats.
+//! The model takes from the DSP only the constants that are computed in `f32`: the filter's taps
+//! and their gain, the timing stage's constants, κ and the scale of reflectivity. Each of them has
+//! its own test.
 //!
-//! | module | model of |
+//! | module | models |
 //! |---|---|
-//! | [`BitTrue`] | `config`; its methods, of `accumulate` and `pipeline` |
+//! | [`BitTrue`] | `config`, `accumulate` and `pipeline` |
 //! | [`statistics`] | `statistics` |
 //! | [`filter`] | `baseline`, `filter`, the threshold of `detect` |
 //! | [`mod@peaks`] | `detect` |
 //! | [`refine`] | `refine`, `height`, `fine` |
-//! | [`noise`], [`pulse`], [`edges`], `near`, `ramp` | those |
-//! | [`echo`] | `echo` |
+//! | [`split`] | `split` |
+//! | [`noise`], [`pulse`], [`edges`], `near`, `ramp`, [`echo`] | modules of the same names |
+//! | [`finder`] | the host's echo finder for recorded waveforms |
 
 mod config;
 pub mod echo;

@@ -1,4 +1,4 @@
-//! Echoes where the gain still rises.
+//! Echoes in the near field, where the gain still rises.
 
 use super::config::BitTrue;
 use super::noise::Noise;
@@ -7,35 +7,35 @@ use super::ramp::{levelled, power};
 use super::refine::Waveform;
 use super::values::{Peak, Threshold};
 
-/// A waveform as if all samples around an echo had its gain.
+/// A waveform rescaled as if all samples around an echo had the echo's gain.
 pub(super) struct Level {
     pub(super) x: Vec<f64>,
     pub(super) y: Vec<f64>,
-    /// The first of the echo's plateau.
+    /// The echo's peak: the first sample of its plateau.
     pub(super) summit: Peak,
 }
 
 impl BitTrue {
-    /// The samples that ambient and noise are measured from; all where none has full gain.
+    /// Samples from which ambient and noise are measured: those of full gain, or all without any.
     pub fn of_full_gain<'a>(&self, codes: &'a [u16]) -> &'a [u16] {
         let near = self.ramp.map_or(0, |ramp| ramp.samples());
         if near < codes.len() { &codes[near..] } else { codes }
     }
 
-    /// What a sample rests on, Q1.15.
+    /// Baseline of a sample, Q1.15.
     pub(super) fn rest(&self, n: usize, ambient: f64) -> f64 {
         let Some(ramp) = &self.ramp else { return ambient };
         let above = (ambient - self.black) * power(-ramp.below(n)) / two_to(24);
         saturated(self.black + above.floor())
     }
 
-    /// Whether the gain may still rise under an echo at a sample.
+    /// True when the gain may still rise under an echo at sample `n`.
     pub(super) fn is_near(&self, n: usize) -> bool {
         self.ramp.is_some_and(|ramp| n < ramp.samples() + 2 * self.reach)
     }
 
-    /// A finer sample (Q1.15, at a time in Q16.16, of the sample n) without its baseline, as if it
-    /// had the gain of the echo.
+    /// A finer sample `value` (Q1.15) of sample n at a time in Q16.16, without baseline, rescaled
+    /// to the echo's gain.
     pub(super) fn level(
         &self,
         wave: &Waveform<'_>,
@@ -51,9 +51,8 @@ impl BitTrue {
         }
     }
 
-    /// What an echo is seen under that stands where the gain still rises: noise, threshold, a
-    /// waveform as if all around it had its gain, before and after the filter, and its peak there.
-    /// None where the gain is full.
+    /// Waveform rescaled to the gain of a near echo, with its threshold and noise. `None` for an
+    /// echo at full gain.
     pub(super) fn near(
         &self,
         wave: &Waveform<'_>,

@@ -1,13 +1,13 @@
-//! Rounding, in real numbers; and exact products of those that `f64` does not hold.
+//! Rounding in `f64`, and exact products of integers that `f64` does not hold.
 
-/// To the nearest integer, ties up.
+/// Rounds to the nearest integer, ties up.
 pub fn nearest(value: f64) -> f64 {
     (value + 0.5).floor()
 }
 
-/// `numerator / denominator` to the nearest integer, ties up; zero over zero and the like are zero.
+/// `numerator / denominator` to the nearest integer, ties up; 0 when the denominator is 0.
 ///
-/// For integers below 2⁵² no rounding of the division reaches the next integer.
+/// For integers below 2⁵² the rounding of the division never reaches the next integer.
 pub fn nearest_ratio(numerator: f64, denominator: f64) -> f64 {
     if denominator == 0.0 {
         return 0.0;
@@ -16,7 +16,7 @@ pub fn nearest_ratio(numerator: f64, denominator: f64) -> f64 {
     ((2.0 * sign * numerator + denominator.abs()) / (2.0 * denominator.abs())).floor()
 }
 
-/// Q1.15 holds no more.
+/// Saturates to the range of Q1.15.
 pub fn saturated(value: f64) -> f64 {
     value.clamp(-32_768.0, 32_767.0)
 }
@@ -26,12 +26,12 @@ pub fn two_to(n: i32) -> f64 {
     f64::powi(2.0, n)
 }
 
-/// The product of two integers of at least 0, whatever its size.
+/// Exact product of two integers of at least 0.
 pub fn product(a: f64, b: f64) -> u128 {
     a as u128 * b as u128
 }
 
-/// `a · b / divisor`, rounded down. All are integers, of at least 0 and 1.
+/// `a · b / divisor`, rounded down. All are integers; a and b at least 0, the divisor at least 1.
 pub fn floor_of(a: f64, b: f64, divisor: f64) -> f64 {
     (product(a, b) / divisor as u128) as f64
 }

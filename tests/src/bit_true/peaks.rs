@@ -1,18 +1,18 @@
-//! Local maxima, separated and chosen.
+//! Detection of local maxima, their separation and choice.
 
 use echoloop_dsp::choice::EchoChoice;
 
 use super::values::Peak;
 
-/// Candidates held.
+/// Capacity for candidates.
 const CANDIDATES: usize = 32;
 
-/// What counts as a fall or a rise, whole LSB.
+/// Least fall or rise that counts, whole LSB.
 pub fn hysteresis(height: f64, threshold: f64) -> f64 {
     (threshold / 2.0).floor().max((height / 16.0).floor())
 }
 
-/// Local maxima by rising index, the 32 highest (of equals the first).
+/// The 32 highest local maxima, of equal ones the first, by index.
 pub fn peaks(y: &[f64], threshold: f64) -> Vec<Peak> {
     let found =
         climbs(y, threshold, (threshold / 2.0).floor(), |height| hysteresis(height, threshold));
@@ -22,13 +22,13 @@ pub fn peaks(y: &[f64], threshold: f64) -> Vec<Peak> {
     strongest
 }
 
-/// Climbs from valley to peak to valley; below `rest` it waits for the threshold again.
+/// Local maxima by index. Once the values fall below `rest`, they must reach the threshold again.
 pub fn climbs(y: &[f64], threshold: f64, rest: f64, hysteresis: impl Fn(f64) -> f64) -> Vec<Peak> {
     let mut found = Vec::new();
     let mut samples = y.iter().copied().enumerate().map(|(index, height)| Peak { index, height });
     let Some(mut top) = samples.find(|s| s.height >= threshold) else { return found };
     loop {
-        // Up, until it has fallen far enough from the top.
+        // Upwards, until the values have fallen far enough from the top.
         let fallen = samples.by_ref().find(|s| {
             if s.height > top.height {
                 top = *s;
@@ -37,7 +37,8 @@ pub fn climbs(y: &[f64], threshold: f64, rest: f64, hysteresis: impl Fn(f64) -> 
         });
         found.push(top);
         let Some(fallen) = fallen else { return found };
-        // Down, until it has risen far enough from the valley, or from rest to the threshold.
+        // Downwards, until they have risen far enough from the valley, or from rest to the
+        // threshold.
         let mut valley = fallen.height;
         let mut resting = valley < rest;
         let risen = samples.by_ref().find(|s| {
@@ -53,15 +54,14 @@ pub fn climbs(y: &[f64], threshold: f64, rest: f64, hysteresis: impl Fn(f64) -> 
     }
 }
 
-/// By a strength, greatest first, of equals the first.
+/// Peaks sorted by strength, strongest first; equal ones by index.
 fn by(peaks: &[Peak], strength: impl Fn(&Peak) -> f64) -> Vec<Peak> {
     let mut peaks = peaks.to_vec();
     peaks.sort_by(|a, b| strength(b).total_cmp(&strength(a)).then(a.index.cmp(&b.index)));
     peaks
 }
 
-/// Greedily, strongest first: whatever lies nearer than `min_separation` to one kept goes. By
-/// rising index.
+/// Drops peaks nearer than `min_separation` to a stronger one that is kept. By index.
 pub fn separate(peaks: &[Peak], min_separation: f64, strength: impl Fn(&Peak) -> f64) -> Vec<Peak> {
     let mut kept: Vec<Peak> = Vec::new();
     for peak in by(peaks, strength) {
@@ -73,7 +73,7 @@ pub fn separate(peaks: &[Peak], min_separation: f64, strength: impl Fn(&Peak) ->
     kept
 }
 
-/// At most `count` of peaks that stand by rising index.
+/// Chooses at most `count` of the peaks, which are sorted by index.
 pub fn choose(
     peaks: &[Peak],
     count: usize,

@@ -1,4 +1,4 @@
-//! The stages in a row.
+//! The whole pipeline.
 
 use echoloop_dsp::MAX_SAMPLES;
 
@@ -12,7 +12,7 @@ use super::split;
 use super::values::{Echo, Peak, Threshold};
 
 impl BitTrue {
-    /// The codes of several shots as those of one.
+    /// Sum of several shots, scaled as the codes of one.
     pub fn accumulate(&self, shots: &[Vec<u16>]) -> Vec<u16> {
         let length = shots.first().map_or(0, Vec::len);
         // Four sums of 16 bits each.
@@ -24,12 +24,12 @@ impl BitTrue {
         (0..length).map(|n| nearest(sum(n) / self.sum_divisor).min(65_535.0) as u16).collect()
     }
 
-    /// All stages: the codes before the trigger, if any are taken, then the waveform's.
+    /// Echoes of the codes before the trigger, if the settings ask for them, and of the window.
     pub fn process(&self, codes: &[u16]) -> Vec<Echo> {
         self.process_with(codes, None)
     }
 
-    /// All stages on as many shots as are set.
+    /// Echoes of single shots, as many as the settings ask for.
     pub fn process_shots(&self, shots: &[Vec<u16>]) -> Vec<Echo> {
         let windows: Vec<&[u16]> = shots.iter().map(|codes| &codes[self.pre_trigger..]).collect();
         self.process_with(&self.accumulate(shots), Some(&windows))
@@ -66,7 +66,7 @@ impl BitTrue {
         choose(&separate, self.echoes, self.choice, strength).into_iter().filter_map(echo).collect()
     }
 
-    /// The echo of a peak; `sharp` where another hides it.
+    /// The echo of a peak; `sharp` when another peak hides it.
     fn seen(
         &self,
         wave: &Waveform<'_>,
@@ -79,7 +79,7 @@ impl BitTrue {
         self.echo(&refined, threshold, wave.level.map_or(peak.index, |(at, _)| at))
     }
 
-    /// The peaks and those that stand under them; indices of the latter.
+    /// Peaks including those hidden under others, and the indices of overlapping ones.
     fn split(
         &self,
         wave: &Waveform<'_>,

@@ -13,12 +13,12 @@ pub static TABLE: LazyLock<[f64; 257]> = LazyLock::new(|| {
 /// The sin² pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pulse {
-    /// W f_s, Q16.16.
+    /// Width W f_s, Q16.16 samples.
     pub width: f64,
 }
 
 impl Pulse {
-    /// Of a width at a sample period.
+    /// Pulse of a width, sampled with a period.
     pub fn new(width_ps: f64, period_fs: f64) -> Self {
         Self {
             width: nearest_ratio(width_ps * 1e3 * two_to(16), period_fs)
@@ -26,12 +26,12 @@ impl Pulse {
         }
     }
 
-    /// L, Q16.16.
+    /// Length L, Q16.16 samples.
     pub fn length(&self) -> f64 {
         2.0 * self.width
     }
 
-    /// p(u), Q2.30.
+    /// Pulse p(u), Q2.30.
     pub fn at(&self, u: f64) -> f64 {
         if u <= 0.0 || u >= self.length() {
             return 0.0;
@@ -42,7 +42,7 @@ impl Pulse {
         low + ((high - low) * steps.fract()).floor()
     }
 
-    /// |p′(u)|, Q2.30 a sample.
+    /// Slope |p′(u)|, Q2.30 a sample.
     pub fn slope(&self, u: f64) -> f64 {
         if u <= 0.0 || u >= self.length() {
             return 0.0;

@@ -6,17 +6,17 @@ use super::numbers::{floor_of, product, saturated, two_to};
 
 const SAMPLE: f64 = 65_536.0;
 
-/// Where the gain is full, and how it rises until then.
+/// Rise of the gain up to full gain.
 #[derive(Clone, Copy, Debug)]
 pub struct Ramp {
-    /// Octaves a sample, Q0.32.
+    /// Slope, octaves a sample, Q0.32.
     slope: f64,
-    /// Q16.16 samples.
+    /// Time of full gain, Q16.16 samples.
     end: f64,
 }
 
 impl Ramp {
-    /// None where it is full everywhere; `step` is 2⁻²⁴ mm a sample.
+    /// `None` when the gain is full everywhere; `step` is in 2⁻²⁴ mm a sample.
     pub fn new(settings: &Settings, range_min_mm: u32, step: f64) -> Option<Self> {
         let slope = floor_of(f64::from(settings.gain_slope_mdb_m) * step, 45_656.0, two_to(30));
         let rising_mm = f64::from(settings.gain_range_mm) - f64::from(range_min_mm);
@@ -24,7 +24,7 @@ impl Ramp {
         (slope > 0.0 && end > 0.0).then_some(Self { slope, end })
     }
 
-    /// Samples that begin before its end.
+    /// Number of samples before the ramp's end.
     pub fn samples(&self) -> usize {
         (self.end / SAMPLE).ceil() as usize
     }
@@ -40,14 +40,14 @@ impl Ramp {
         self.octaves(n as f64 * SAMPLE)
     }
 
-    /// A height at full gain, from one of so many octaves below; Q1.15.
+    /// Height at full gain of a height seen at sample `n`, Q1.15.
     pub fn at_full_gain(&self, height: f64, n: usize) -> f64 {
         let rise = power(self.below(n));
         floor_of(height, rise, two_to(24)).min(two_to(32) - 1.0)
     }
 }
 
-/// 2^x of x in Q16: Q.24.
+/// 2^x, for x in Q16, as Q.24.
 pub(super) fn power(x: f64) -> f64 {
     let whole = (x / SAMPLE).floor();
     let f = x - whole * SAMPLE;
@@ -56,9 +56,9 @@ pub(super) fn power(x: f64) -> f64 {
     (mantissa * two_to(whole.min(7.0) as i32)).floor()
 }
 
-/// Q1.15, rounded down.
+/// `x` raised by some octaves, Q1.15, rounded down.
 pub(super) fn levelled(x: f64, octaves: f64) -> f64 {
-    // Of negative ones, too: -⌈|x| 2^octaves⌉.
+    // The shift rounds negative values down, too: -⌈|x| 2^octaves⌉.
     let exact = x as i128 * power(octaves) as i128;
     saturated((exact >> 24) as f64)
 }

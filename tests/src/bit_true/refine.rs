@@ -1,4 +1,4 @@
-//! Sub-sample time, height, width, amplitude and σ of a peak.
+//! Refinement of a peak: sub-sample time, height, width, amplitude and σ.
 
 use echoloop_dsp::choice::TimingMethod;
 
@@ -13,37 +13,37 @@ use super::values::{Peak, Refined, Threshold};
 
 /// Bits of an echo's flags, as the wire has them.
 pub(super) const SATURATED: u8 = 1;
-const MERGED: u8 = 2;
+pub(super) const MERGED: u8 = 2;
 pub(super) const LOW_CONFIDENCE: u8 = 4;
 const WALK_CORRECTED: u8 = 8;
-const TRUNCATED: u8 = 16;
+pub(super) const TRUNCATED: u8 = 16;
 
-/// A waveform in its four forms, all as long.
+/// A waveform at all stages, of the same length.
 #[derive(Clone, Copy, Debug)]
 pub struct Waveform<'a> {
     /// Codes.
     pub codes: &'a [u16],
-    /// Q1.15.
+    /// Without baseline, Q1.15.
     pub x: &'a [f64],
-    /// Q1.15.
+    /// Filtered, Q1.15.
     pub y: &'a [f64],
-    /// Q9.23.
+    /// Filtered, Q9.23.
     pub f: &'a [f64],
-    /// The shots that it is the sum of, where they are known.
+    /// Single shots that it is the sum of, if known.
     pub shots: Option<&'a [&'a [u16]]>,
-    /// The sample whose gain those around it have been given, and the ambient of full gain.
+    /// Sample whose gain the samples around it were rescaled to, and the ambient at full gain.
     pub level: Option<(usize, f64)>,
 }
 
-/// Where a side of a peak ends: its distance (Q16.16) and why.
+/// End of one side of a peak: its distance (Q16.16), and a flag with the reason.
 #[derive(Clone, Copy, Debug)]
 struct End {
     distance: f64,
     flag: u8,
 }
 
-/// The parabola's top: its time (Q16.16) with and without the bias of interpolation, its height
-/// (Q1.15).
+/// Top of the parabola: its time (Q16.16) with and without the bias of interpolation, and its
+/// height (Q1.15).
 struct Vertex {
     time: f64,
     unbiased: f64,
@@ -52,7 +52,7 @@ struct Vertex {
 
 const SAMPLE: f64 = 65_536.0;
 
-/// The greatest σ there is.
+/// Largest σ.
 const MOST: f64 = 4_294_967_295.0;
 
 impl Refined {
@@ -62,7 +62,7 @@ impl Refined {
 }
 
 impl BitTrue {
-    /// One peak by the timing method that is set.
+    /// Refines a peak with the timing method of the settings.
     pub fn refine(
         &self,
         wave: &Waveform<'_>,
@@ -122,7 +122,7 @@ impl BitTrue {
         Refined { sigma: if unknown { MOST } else { refined.sigma }, ..refined }
     }
 
-    /// A run of clipped samples of this waveform.
+    /// A clipped run of this waveform.
     fn clipped<'a>(
         &'a self,
         wave: &Waveform<'a>,
@@ -134,7 +134,7 @@ impl BitTrue {
         Clipped { pulse: &self.pulse, x: wave.x, level, first, last, noise: *noise }
     }
 
-    /// How strong the echo of a peak is, as if nothing had clipped it, Q1.15.
+    /// Strength of a peak's echo without clipping, at full gain, Q1.15.
     pub fn strength(
         &self,
         wave: &Waveform<'_>,
@@ -154,7 +154,7 @@ impl BitTrue {
         self.at_full_gain(height, middle)
     }
 
-    /// Wider than one echo, or merged with a neighbour.
+    /// True when a peak is wider than one echo, or merged with a neighbour.
     pub(super) fn is_broad(&self, y: &[f64], peak: Peak, threshold: f64) -> bool {
         let half = (peak.height / 2.0).floor();
         let ends = [
@@ -165,7 +165,7 @@ impl BitTrue {
             || ends[0].distance + ends[1].distance > self.broad
     }
 
-    /// A peak that another hid, timed behind the sharper filter.
+    /// Refines a peak that another hid, with the time behind the sharpening filter.
     pub fn sharpen(&self, wave: &Waveform<'_>, peak: Peak, refined: Refined) -> Refined {
         let Some(sharpener) = &self.sharpener else { return refined };
         let f: Vec<f64> =
@@ -186,7 +186,7 @@ impl BitTrue {
             .bounded()
     }
 
-    /// Amplitude of a height, both Q1.15.
+    /// Amplitude of a filtered height, both Q1.15.
     pub(super) fn amplitude(&self, height: f64) -> f64 {
         nearest(height * self.inverse_gain / two_to(14))
     }
@@ -197,7 +197,7 @@ impl BitTrue {
         ((scaled / 16 / amplitude as u128) as f64).min(two_to(32) - 1.0)
     }
 
-    /// With the time of where `f` rises to a level (Q9.23).
+    /// Replaces the time by that at which `f` rises to a level (Q9.23).
     fn to_edge(
         &self,
         wave: &Waveform<'_>,
@@ -231,18 +231,18 @@ impl BitTrue {
         Refined { time, flags, sigma, ..top }
     }
 
-    /// The clipped samples around the nearest clipped one, of two as near the earlier.
+    /// First and last sample of the clipped run nearest to an index; of two as near, the earlier.
     pub(super) fn clipped_run(&self, codes: &[u16], index: usize) -> Option<(usize, usize)> {
         let clipped = |n: usize| f64::from(codes[n]) >= self.clip_code;
         let near =
             (0..codes.len()).filter(|&n| clipped(n) && n.abs_diff(index) <= self.reach.div_ceil(2));
-        let nearest = near.min_by_key(|n| n.abs_diff(index))?; // of equals the first
+        let nearest = near.min_by_key(|n| n.abs_diff(index))?; // takes the first of equals
         let first = (0..nearest).rfind(|&n| !clipped(n)).map_or(0, |n| n + 1);
         let last = (nearest..codes.len()).find(|&n| !clipped(n)).unwrap_or(codes.len()) - 1;
         Some((first, last))
     }
 
-    /// The end of a rising run of f, K samples later at most.
+    /// End of a rising run of f, at most K samples after its start.
     fn summit(&self, f: &[f64], start: i64) -> i64 {
         let at = |n: i64| usize::try_from(n).ok().and_then(|n| f.get(n)).copied().unwrap_or(0.0);
         let rises = |n: &i64| at(n + 1) > at(*n);
@@ -276,7 +276,7 @@ impl BitTrue {
     }
 }
 
-/// The Lagrange polynomial through samples −3..=4 at `t` in 0..1: its eight weights.
+/// Weights of the Lagrange polynomial through samples −3..=4 at `t` in 0..1.
 pub fn lagrange(t: f64) -> [f64; 8] {
     std::array::from_fn(|k| {
         let node = k as f64 - 3.0;
@@ -288,8 +288,7 @@ pub fn lagrange(t: f64) -> [f64; 8] {
     })
 }
 
-/// As [`lagrange`], in Q1.15: each to the nearest, then the one nearest to `t` takes what is
-/// missing from 2¹⁵.
+/// As [`lagrange`], rounded to Q1.15; the weight nearest to `t` makes the sum 2¹⁵.
 pub fn rounded_lagrange(t: f64) -> [f64; 8] {
     let mut weights = lagrange(t).map(|w| (w * two_to(15)).round());
     let closest = if t <= 0.5 { 3 } else { 4 };
@@ -297,7 +296,7 @@ pub fn rounded_lagrange(t: f64) -> [f64; 8] {
     weights
 }
 
-/// y at `index + j/o`, Q9.23; zero outside.
+/// f interpolated at `index + j/o`, Q9.23; zero outside.
 fn interpolate(f: &[f64], index: i64, j: i64, o: i64) -> f64 {
     let whole = index + j.div_euclid(o);
     let phase = j.rem_euclid(o);
@@ -310,8 +309,8 @@ fn interpolate(f: &[f64], index: i64, j: i64, o: i64) -> f64 {
     nearest(sum / two_to(15))
 }
 
-/// Distance from a peak to where the samples beside it, nearest first, fall below `level`; or to
-/// the valley before they rise by more than the hysteresis; or to the end of the waveform.
+/// Distance from a peak to where the samples beside it, nearest first, fall below `level`; else to
+/// the valley before they rise by more than the hysteresis; else to the end of the waveform.
 fn falling<'a>(
     outwards: impl Iterator<Item = &'a f64>,
     height: f64,

@@ -1,30 +1,30 @@
-//! The model of `split`: from its tables, in `f64`, compared with `==`.
+//! Bit-true model of `split`, the search for overlapping echoes.
 
 use echoloop_dsp::template::Template;
 
 use super::numbers::nearest;
 use super::values::Peak;
 
-/// Sharpening taps and the gain of their noise, Q1.15.
+/// Sharpening filter, Q1.15.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sharpener {
-    /// s.
+    /// s, taps.
     pub taps: Vec<f64>,
-    /// q.
+    /// q, lag of the second difference, samples.
     pub lag: usize,
-    /// r.
+    /// r, gain of noise.
     pub noise_gain: f64,
 }
 
 impl Sharpener {
-    /// The sensor's: half the pulse's width, lagging by as much in whole samples, an eighth of the
-    /// difference.
+    /// The sensor's sharpener: a pulse of half the width, a lag of half the width in whole samples,
+    /// an eighth of the second difference.
     pub fn for_pulse(width_ps: u32, period_fs: f64) -> Self {
         let narrow = Template::sin_squared(width_ps / 2, period_fs as u32);
         Self::new(&narrow, (f64::from(width_ps) * 500.0 / period_fs).floor() as usize, 8.0)
     }
 
-    /// Taps of a narrow pulse less `strength` 64ths of their second difference.
+    /// Taps of a narrow pulse minus `strength`/64 of their second difference.
     pub fn new(narrow: &Template, lag: usize, strength: f64) -> Self {
         let taps: Vec<f64> = narrow.taps().iter().map(|&h| f64::from(h)).collect();
         let centre = taps.len() as i64 / 2;
@@ -43,7 +43,7 @@ impl Sharpener {
         Self { noise_gain: energy.sqrt().floor(), taps, lag: q as usize }
     }
 
-    /// The whole waveform sharpened, x being `outside(n)` at n < 0 and n ≥ N.
+    /// The sharpened waveform; x is `outside(n)` at n < 0 and n ≥ N.
     pub fn sharpened(&self, x: &[f64], outside: impl Fn(i64) -> f64) -> Vec<f64> {
         let half = self.taps.len() as i64 / 2;
         let at = |n: i64| {
@@ -53,13 +53,13 @@ impl Sharpener {
         (0..x.len() as i64).map(|n| nearest(sum(n) / 32_768.0).clamp(-32_768.0, 32_767.0)).collect()
     }
 
-    /// σ_s, Q13.19.
+    /// Noise behind the sharpener, σ_s, Q13.19.
     pub fn sigma(&self, sigma: f64) -> f64 {
         nearest(sigma * self.noise_gain / 32_768.0)
     }
 }
 
-/// Peaks at or above `level` that stand out by `rise`, by rising index. `values` begin at sample
+/// Peaks at or above `level` with a prominence of `rise`, by index. `values` begin at sample
 /// `first`.
 pub fn prominent_peaks(
     values: &[f64],
@@ -71,7 +71,7 @@ pub fn prominent_peaks(
     let (mut top, mut n) = (0, 0);
     let end = values.len();
     while top < end {
-        // up: the first highest sample before the values have fallen by rise(top)
+        // Upwards: the first highest sample before the values have fallen by rise(top).
         n += 1;
         while n < end && values[n] >= values[top] - rise(values[top]) {
             if values[n] > values[top] {
@@ -82,7 +82,7 @@ pub fn prominent_peaks(
         if n < end || values[end - 1] < values[top] {
             found.push(top);
         }
-        // down: the valley, until the values have risen from it
+        // Downwards: the valley, until the values have risen from it.
         let mut valley = f64::INFINITY;
         while n < end && values[n] <= valley + rise(values[n]) {
             valley = valley.min(values[n]);
@@ -100,7 +100,7 @@ pub fn prominent_peaks(
     peaks
 }
 
-/// Keeps so many, the highest; of equals the first.
+/// Keeps the `count` highest peaks; of equal ones the first.
 pub fn strongest(peaks: &mut Vec<Peak>, count: usize) {
     let mut order = peaks.clone();
     order.sort_by(|a, b| b.height.total_cmp(&a.height).then(a.index.cmp(&b.index)));
@@ -109,7 +109,7 @@ pub fn strongest(peaks: &mut Vec<Peak>, count: usize) {
     *peaks = order;
 }
 
-/// Peaks of y with those overlapping under them.
+/// Peaks of y including those hidden under others, and the indices of overlapping ones.
 pub fn split(
     sharpener: &Sharpener,
     x: &[f64],

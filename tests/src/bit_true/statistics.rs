@@ -1,4 +1,4 @@
-//! Order statistics by sorting, and the ambient.
+//! Order statistics by sorting, and the ambient level.
 
 use echoloop_dsp::MAX_SAMPLES;
 use echoloop_dsp::choice::AmbientEstimator;
@@ -8,7 +8,7 @@ use super::numbers::{nearest, two_to};
 use super::values::Statistics;
 
 impl BitTrue {
-    /// Median and MAD, by sorting.
+    /// Median and median absolute deviation, by sorting.
     pub fn statistics(&self, codes: &[u16]) -> Statistics {
         let values: Vec<f64> = codes.iter().take(MAX_SAMPLES).map(|&c| f64::from(c)).collect();
         if values.is_empty() {
@@ -18,7 +18,7 @@ impl BitTrue {
         let of_codes = Order::from_values(values.clone());
         let of_deviations =
             Order::from_values(values.iter().map(|v| (v - of_codes.middle).abs()).collect());
-        // v − ½ + (N/2 − below)/at in LSB of which a code has `lsb`, the quotient rounded down
+        // v − ½ + (N/2 − below)/at, in units of 1/`lsb` of a code, the quotient rounded down.
         let grouped = |order: &Order, lsb: f64| {
             (order.middle - 0.5) * lsb + ((half - order.below) * lsb / order.at).floor()
         };
@@ -36,7 +36,8 @@ impl BitTrue {
         }
     }
 
-    /// With the ambient of the estimator that is set; `before` are the codes before the trigger.
+    /// Replaces the ambient by that of the estimator in the settings; `before` are the codes before
+    /// the trigger.
     pub fn with_ambient(&self, statistics: Statistics, before: &[u16]) -> Statistics {
         let sum: f64 = before.iter().map(|&code| f64::from(code)).sum();
         let ambient = match self.ambient {
@@ -50,18 +51,18 @@ impl BitTrue {
     }
 }
 
-/// The middle of sorted values, and how many lie below it and at it.
+/// Middle of sorted values, with the numbers of values below it and equal to it.
 pub struct Order {
-    /// The smallest value with at least half of all at or below it.
+    /// Smallest value with at least half of all values at or below it.
     pub middle: f64,
-    /// Values below.
+    /// Number of values below the middle.
     pub below: f64,
-    /// Values equal.
+    /// Number of values equal to the middle.
     pub at: f64,
 }
 
 impl Order {
-    /// Of at least one value.
+    /// Order of at least one value.
     pub fn from_values(mut values: Vec<f64>) -> Self {
         values.sort_by(f64::total_cmp);
         let middle = values[values.len().div_ceil(2) - 1];

@@ -1,4 +1,4 @@
-//! What the stages hand on, and the same from the DSP's own types.
+//! Values passed between the stages, with conversions from the DSP's types.
 
 use echoloop_dsp::statistics::Statistics as DspStatistics;
 
@@ -8,69 +8,69 @@ use super::noise::Noise;
 /// Median, deviation (codes), ambient (Q1.15), σ̂ (Q13.19).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Statistics {
-    /// m.
+    /// m, median.
     pub median: f64,
-    /// d.
+    /// d, median absolute deviation.
     pub deviation: f64,
-    /// a.
+    /// a, ambient level.
     pub ambient: f64,
-    /// σ̂.
+    /// σ̂, noise of a sample.
     pub sigma: f64,
 }
 
-/// σ_y (Q13.19), T (Q1.15) and what the baseline removed (Q1.15).
+/// σ_y (Q13.19), T (Q1.15) and the ambient level that the baseline stage removed (Q1.15).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Threshold {
-    /// σ_y.
+    /// σ_y, noise behind the filter.
     pub sigma: f64,
-    /// T.
+    /// T, threshold.
     pub level: f64,
-    /// a, saturated.
+    /// a, saturated to Q1.15.
     pub ambient: f64,
 }
 
-/// A sample of the filter's output that tops its surroundings.
+/// A local maximum of the filter's output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Peak {
-    /// Which sample.
+    /// Index of the sample.
     pub index: usize,
-    /// Its value.
+    /// Value of the sample.
     pub height: f64,
 }
 
 /// A peak between samples: time, its σ and width in Q16.16 samples, height and amplitude in Q1.15.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refined {
-    /// Since sample 0.
+    /// Time since sample 0.
     pub time: f64,
-    /// At the vertex.
+    /// Height of the parabola's vertex.
     pub height: f64,
-    /// At half height.
+    /// Width at half height.
     pub width: f64,
-    /// As if nothing had clipped it.
+    /// Amplitude without clipping.
     pub amplitude: f64,
-    /// Of the time.
+    /// σ of the time.
     pub sigma: f64,
-    /// As on the wire.
+    /// Flags as on the wire.
     pub flags: u8,
 }
 
 /// An echo in wire units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Echo {
-    /// U24.8 mm.
+    /// Range, U24.8 mm.
     pub range: f64,
-    /// U1.15.
+    /// Amplitude, U1.15.
     pub amplitude: f64,
-    /// U12.4 ns.
+    /// Width, U12.4 ns.
     pub width: f64,
-    /// U8.8.
+    /// SNR, U8.8.
     pub snr: f64,
-    /// U8.8 mm.
+    /// σ of the range, U8.8 mm.
     pub deviation: f64,
-    /// U6.10.
+    /// Reflectivity, U6.10.
     pub reflectivity: f64,
-    /// As on the wire.
+    /// Flags as on the wire.
     pub flags: u8,
 }
 

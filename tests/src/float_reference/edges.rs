@@ -1,31 +1,30 @@
-//! The edges of a clipped echo in real numbers: solved, not searched.
+//! Edge fit of a clipped echo in real numbers: solved in closed form instead of searched.
 
 use std::f64::consts::PI;
 
 use crate::vectors::pulse;
 
-/// What a waveform and a clipped run in it are; amplitudes are fractions of full scale, times
-/// samples.
+/// A waveform and a clipped run in it; amplitudes are fractions of full scale, times are samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Clipped<'a> {
     /// Full width at half maximum.
     pub(super) width: f64,
-    /// Without baseline.
+    /// Waveform without baseline.
     pub(super) x: &'a [f64],
-    /// What the run is clipped at.
+    /// Clip level, without baseline.
     pub(super) level: f64,
-    /// The run.
+    /// First sample of the run.
     pub(super) first: usize,
-    /// Its last sample.
+    /// Last sample of the run.
     pub(super) last: usize,
-    /// σ of a sample in the dark.
+    /// σ of a sample without light.
     pub(super) sigma: f64,
-    /// Variance that a signal of 1 adds.
+    /// Shot-noise variance of a signal of 1.
     pub(super) shot: f64,
 }
 
 impl Clipped<'_> {
-    /// Time and its σ; `None` at the ends of the waveform.
+    /// Time and its σ; `None` when the run touches an end of the waveform.
     pub(super) fn fit(&self) -> Option<(f64, f64)> {
         let nearest = self.pair(1)?;
         let pairs = (1..=3).map_while(|i| self.pair(i).filter(|pair| pair.both_show));
@@ -44,12 +43,12 @@ impl Clipped<'_> {
         (self.sigma.powi(2) + self.shot * value.max(0.0)).sqrt()
     }
 
-    /// v = 3 σ(v).
+    /// Largest value hidden in noise: the solution of v = 3 σ(v).
     fn hidden(&self) -> f64 {
         4.5 * self.shot + (20.25 * self.shot.powi(2) + 9.0 * self.sigma.powi(2)).sqrt()
     }
 
-    /// p, a time after the pulse began.
+    /// Pulse p at a time after its beginning.
     fn p(&self, x: f64) -> f64 {
         pulse(x - self.width, self.width)
     }

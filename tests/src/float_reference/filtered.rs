@@ -1,4 +1,4 @@
-//! An echo after the filter, in real numbers: what the timing stage's constants are derived from.
+//! An echo behind the filter, in real numbers, from which the timing stage's constants follow.
 
 use echoloop_dsp::choice::TimingMethod;
 
@@ -10,13 +10,13 @@ use crate::vectors::pulse;
 pub struct Filtered {
     taps: Vec<f64>,
     width: f64,
-    /// ℓ, for samples −3..=4 around 1/o; of o = 1 sample 1 alone.
+    /// ℓ: interpolation weights of the samples −3..=4 at 1/o; for o = 1, sample 1 only.
     weights: Vec<(i32, f64)>,
     o: f64,
 }
 
 impl Filtered {
-    /// Behind these taps, of a pulse of so many samples a width, interpolated at 1/o.
+    /// An echo behind these taps, of a pulse `width` samples wide, interpolated at steps of 1/o.
     pub fn new(taps: Vec<f64>, width: f64, upsampling: i32) -> Self {
         let o = f64::from(upsampling);
         let weights =
@@ -24,7 +24,7 @@ impl Filtered {
         Self { taps, width, weights, o }
     }
 
-    /// The last tap.
+    /// Index of the last tap, counted from the middle.
     fn half(&self) -> i32 {
         self.taps.len() as i32 / 2
     }
@@ -33,28 +33,28 @@ impl Filtered {
         usize::try_from(k + self.half()).ok().and_then(|i| self.taps.get(i)).copied().unwrap_or(0.0)
     }
 
-    /// h, linear between taps.
+    /// h, interpolated linearly between taps.
     fn between(&self, k: f64) -> f64 {
         let whole = k.floor();
         (1.0 - k + whole) * self.tap(whole as i32) + (k - whole) * self.tap(whole as i32 + 1)
     }
 
-    /// r(t).
+    /// Filtered echo r(t).
     pub fn at(&self, t: f64) -> f64 {
         (-self.half()..=self.half())
             .map(|k| self.tap(k) * pulse(t - f64::from(k), self.width))
             .sum()
     }
 
-    /// β: what a parabola through r at steps of 1/o is off at a quarter of a step, in units of δ (1
-    /// − 4δ²).
+    /// β: error of a parabola through r at steps of 1/o, a quarter of a step off the top, in units
+    /// of δ (1 − 4δ²).
     pub fn bias(&self) -> f64 {
         let z = |steps: f64| self.at((steps - 0.25) / self.o);
         let parabola = (z(-1.0) - z(1.0)) / (2.0 * (z(-1.0) - 2.0 * z(0.0) + z(1.0)));
         16.0 / 3.0 * (parabola - 0.25)
     }
 
-    /// Where r is half of its height, by bisection.
+    /// Time at which r falls to half of its height, by bisection.
     fn half_width(&self) -> f64 {
         let (mut low, mut high) = (0.0, 2.0 * self.width);
         for _ in 0..60 {
@@ -64,7 +64,7 @@ impl Filtered {
         high
     }
 
-    /// z, from a method's edge to the middle of the echo.
+    /// z, time from a method's edge to the middle of the echo.
     pub fn offset(&self, method: TimingMethod) -> f64 {
         match method {
             TimingMethod::ConstantFraction => self.half_width(),
@@ -73,7 +73,7 @@ impl Filtered {
         }
     }
 
-    /// d[k] of the method; z is its offset.
+    /// d[k], sensitivity of the method to sample k; z is its offset.
     fn shift(&self, method: TimingMethod, z: f64, k: i32) -> f64 {
         if method == TimingMethod::ConstantFraction {
             return self.between(f64::from(k) - z) - 0.5 * self.tap(k);
@@ -91,7 +91,7 @@ impl Filtered {
         (2.0 * self.at(0.0) - self.at(step) - self.at(-step)) * self.o.powi(2) / (1.0 - self.bias())
     }
 
-    /// σ of the time over σ/A of a sample, and the share of the top's shot noise that counts.
+    /// Ratio of the time's σ to σ/A of a sample, and the share of the top's shot noise that counts.
     pub fn gain_and_share(&self, method: TimingMethod) -> (f64, f64) {
         let z = self.offset(method);
         let reach = 2 * self.half() + self.width.ceil() as i32 + 8;

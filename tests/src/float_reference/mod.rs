@@ -1,7 +1,8 @@
-//! The model that never rounds: the same algorithm in real numbers, with the true sin² template,
-//! for the parabola with and without walk correction and the edges of clipped echoes.
+//! Reference model of the detector that never rounds: the same algorithm in real numbers, with the
+//! true sin² template. It has the parabola with and without walk correction, and the edge fit of
+//! clipped echoes.
 //!
-//! What the integer code loses against it is bounded by [`crate::tolerance`].
+//! [`crate::tolerance`] bounds the error of the integer code against it.
 
 use std::f64::consts::PI;
 
@@ -11,13 +12,14 @@ use echoloop_dsp::{Hardware, Settings};
 use edges::Clipped;
 pub use filtered::Filtered;
 
+use crate::bit_true::filter::correlate;
 use crate::bit_true::{LIGHT, Order, Peak, choose, climbs, lagrange, separate};
 use crate::vectors::pulse;
 
 mod edges;
 mod filtered;
 
-/// An echo in units.
+/// An echo in physical units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Echo {
     /// Slant range, mm.
@@ -30,12 +32,11 @@ pub struct Echo {
     pub snr: f64,
     /// σ of the range, mm.
     pub deviation_mm: f64,
-    /// Whether a code of it reached the saturation level.
+    /// True when one of its codes reached the saturation level.
     pub saturated: bool,
 }
 
-/// The whole detector, constants first. Amplitudes are fractions of full scale, times are in
-/// samples.
+/// The whole detector. Amplitudes are fractions of full scale, times are in samples.
 #[derive(Clone, Debug)]
 pub struct FloatReference {
     code: f64,
@@ -51,7 +52,7 @@ pub struct FloatReference {
     walk_corrected: bool,
     /// β.
     bias: f64,
-    /// σ of the time of a top over σ/A, samples, and the share of its shot noise that counts.
+    /// [`Filtered::gain_and_share`] of the parabola.
     gain_and_share: (f64, f64),
     /// κ.
     shot: f64,
@@ -63,9 +64,9 @@ pub struct FloatReference {
 }
 
 impl FloatReference {
-    /// Everything the stages read.
+    /// The detector for accepted settings.
     pub fn new(settings: &Settings, hardware: &Hardware) -> Self {
-        let choices = settings.choices().expect("settings that are taken name choices");
+        let choices = settings.choices().expect("accepted settings have valid choices");
         let window_mm = f64::from(hardware.range_max_mm - hardware.range_min_mm);
         let period_ns = 2.0 * window_mm * 1e6 / (f64::from(settings.bins) * LIGHT);
         let width = f64::from(settings.pulse_width_ps) / 1e3 / period_ns;
@@ -101,8 +102,8 @@ impl FloatReference {
         }
     }
 
-    /// The Cramér–Rao bound of the range in white noise, mm: `(cτ/π) / (S·√(f_s·τ))`, S the
-    /// amplitude over σ of one sample.
+    /// Cramér–Rao bound of the range in white noise, mm: `(cτ/π) / (S·√(f_s·τ))`, with S the ratio
+    /// of the amplitude to σ of one sample.
     pub fn range_crlb_mm(&self, snr: f64) -> f64 {
         LIGHT * 1e-6 * self.width * self.period_ns / PI / (snr * self.width.sqrt())
     }
@@ -130,12 +131,12 @@ impl FloatReference {
         (grouped(&median) * self.code, mad * self.code * MAD_TO_SIGMA)
     }
 
-    /// All stages.
+    /// Echoes of a waveform.
     pub fn process(&self, codes: &[u16]) -> Vec<Echo> {
         let (ambient, sigma) = self.statistics(codes);
         let x: Vec<f64> =
             codes.iter().map(|&c| f64::from(c).min(self.clip) * self.code - ambient).collect();
-        let y = self.filter(&x);
+        let y = correlate(&self.taps, &x);
         let filtered_sigma = sigma * self.noise_gain;
         let threshold = self.floor.max(self.snr_threshold * filtered_sigma);
         let hysteresis = |height: f64| (threshold / 2.0).max(height / 16.0);
@@ -144,15 +145,6 @@ impl FloatReference {
         let wave = Waveform { codes, x: &x, y: &y, ambient, sigma };
         let echo = |peak: Peak| self.refine(&wave, peak, hysteresis(peak.height));
         choose(&peaks, self.echoes, self.choice, |p| p.height).into_iter().map(echo).collect()
-    }
-
-    fn filter(&self, x: &[f64]) -> Vec<f64> {
-        let half = self.taps.len() / 2;
-        let mut padded = vec![0.0; half];
-        padded.extend(x);
-        padded.extend(vec![0.0; half]);
-        let sum = |window: &[f64]| window.iter().zip(&self.taps).map(|(x, h)| x * h).sum();
-        padded.windows(self.taps.len()).map(sum).collect()
     }
 
     fn refine(&self, wave: &Waveform<'_>, peak: Peak, rise: f64) -> Echo {
@@ -182,7 +174,7 @@ impl FloatReference {
         }
     }
 
-    /// The clipped samples around the nearest one.
+    /// First and last sample of the clipped run nearest to an index.
     fn clipped_run(&self, codes: &[u16], index: usize) -> Option<(usize, usize)> {
         let clipped = |n: &usize| f64::from(codes[*n]) >= self.clip.round();
         let reach = (self.taps.len() / 2).div_ceil(2);
@@ -223,7 +215,7 @@ struct Waveform<'a> {
     sigma: f64,
 }
 
-/// σ of a normal distribution over its median absolute deviation: 1 / Φ⁻¹(¾).
+/// Ratio of a normal distribution's σ to its median absolute deviation: 1 / Φ⁻¹(¾).
 const MAD_TO_SIGMA: f64 = 1.482_602_218_505_602;
 
 fn interpolate(y: &[f64], whole: i64, phase: f64) -> f64 {

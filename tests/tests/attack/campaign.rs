@@ -1,5 +1,5 @@
-//! Many cases of one kind: each has a random stream and a verdict of its own, none may panic or
-//! take for ever, and what came out is one line.
+//! Campaign of many cases of one kind. Each case has its own random stream and verdict; none may
+//! panic or hang. The report is one line.
 
 use std::collections::BTreeMap;
 use std::env;
@@ -14,28 +14,28 @@ use std::time::{Duration, Instant};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Longest that a case may take.
+/// Time limit of a case.
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// How often a long campaign says how far it is.
+/// Interval of progress reports of a long campaign.
 const NEWS: Duration = Duration::from_secs(5);
 
-/// What a case came to: the name under which it is counted, or what went wrong.
+/// Result of a case: the name under which it is counted, or the failure.
 pub(crate) type Verdict = Result<&'static str, String>;
 
 /// Cases of a kind.
 pub(crate) struct Campaign {
-    /// Name of its file.
+    /// Name of the kind's file.
     pub(crate) kind: &'static str,
-    /// Cases in the test command.
+    /// Number of cases in the test command.
     pub(crate) cases: u64,
 }
 
-/// What `cargo xtask attack` asks for, by environment.
+/// Options of `cargo xtask attack`, from the environment.
 struct Asked {
     cases: Option<u64>,
     seed: u64,
-    /// This one alone.
+    /// The only case to run.
     case: Option<u64>,
 }
 
@@ -53,10 +53,10 @@ impl Asked {
     }
 }
 
-/// What goes on.
-struct Course {
+/// Progress of a campaign.
+struct Progress {
     began: Instant,
-    /// Cases at work, and since when.
+    /// Start of each running case.
     running: Mutex<BTreeMap<u64, Instant>>,
     verdicts: Mutex<BTreeMap<&'static str, u64>>,
     failures: Mutex<BTreeMap<u64, String>>,
@@ -64,48 +64,48 @@ struct Course {
 }
 
 impl Campaign {
-    /// Runs the cases, on all threads, and panics with the first failures.
+    /// Runs the cases on all threads; panics with the first failures.
     pub(crate) fn run(&self, case: impl Fn(&mut ChaCha8Rng) -> Verdict + Sync) {
         let asked = Asked::from_environment();
         let cases = asked.cases.unwrap_or(self.cases);
         let numbers = asked.case.map_or(0..cases, |case| case..case + 1);
-        let course = Course::new();
+        let progress = Progress::new();
         thread::scope(|scope| {
-            scope.spawn(|| self.watch(&course, cases, asked.cases.is_some()));
+            scope.spawn(|| self.watch(&progress, cases, asked.cases.is_some()));
             work_off(numbers, |number| {
-                course.judge(number, || case(&mut stream(self.kind, asked.seed, number)));
+                progress.judge(number, || case(&mut stream(self.kind, asked.seed, number)));
             });
-            course.over.store(true, Ordering::Relaxed);
+            progress.over.store(true, Ordering::Relaxed);
         });
-        self.report(&course, asked.seed);
+        self.report(&progress, asked.seed);
     }
 
-    /// Ends the process at a case that does not end; tells how far a long campaign is.
-    fn watch(&self, course: &Course, cases: u64, aloud: bool) {
+    /// Ends the process at a case that does not end; reports the progress of a long campaign.
+    fn watch(&self, progress: &Progress, cases: u64, aloud: bool) {
         let mut told = Instant::now();
-        while !course.over.load(Ordering::Relaxed) {
+        while !progress.over.load(Ordering::Relaxed) {
             thread::sleep(Duration::from_millis(20));
-            if let Some(case) = course.stuck() {
+            if let Some(case) = progress.stuck() {
                 say(&format!("attack {}: case {case} has not ended after {LIMIT:?}", self.kind));
                 std::process::exit(101);
             }
             if aloud && told.elapsed() >= NEWS {
                 told = Instant::now();
-                say(&format!("attack {}: {} of {cases}", self.kind, course.done()));
+                say(&format!("attack {}: {} of {cases}", self.kind, progress.done()));
             }
         }
     }
 
-    fn report(&self, course: &Course, seed: u64) {
-        let failures = course.failures.lock().expect("no panic holds it");
-        let verdicts = course.verdicts.lock().expect("no panic holds it");
+    fn report(&self, progress: &Progress, seed: u64) {
+        let failures = progress.failures.lock().expect("no panic holds it");
+        let verdicts = progress.verdicts.lock().expect("no panic holds it");
         let counted: Vec<String> =
             verdicts.iter().map(|(name, count)| format!("{count} {name}")).collect();
         say(&format!(
             "attack {}: {} cases, seed {seed}, {:.0} s: {}, {} failed",
             self.kind,
             verdicts.values().sum::<u64>() + failures.len() as u64,
-            course.began.elapsed().as_secs_f64(),
+            progress.began.elapsed().as_secs_f64(),
             counted.join(", "),
             failures.len()
         ));
@@ -124,7 +124,7 @@ impl Campaign {
     }
 }
 
-impl Course {
+impl Progress {
     fn new() -> Self {
         Self {
             began: Instant::now(),
@@ -164,8 +164,8 @@ impl Course {
     }
 }
 
-/// Does the numbers on as many threads as there are processors. Not those of rayon: one that waits
-/// inside of a case would begin another.
+/// Runs the cases on one thread per processor. Not on rayon's: a thread that waits inside a case
+/// would begin another one.
 fn work_off(numbers: Range<u64>, work: impl Fn(u64) + Sync) {
     let next = AtomicU64::new(numbers.start);
     let worker = || {
@@ -176,19 +176,19 @@ fn work_off(numbers: Range<u64>, work: impl Fn(u64) + Sync) {
     thread::scope(|scope| (0..threads).for_each(|_| drop(scope.spawn(worker))));
 }
 
-/// Past the capture of tests: what a person waits for is seen.
+/// Prints a line past the test harness, which captures the output of passing tests.
 fn say(line: &str) {
     let _ = writeln!(stderr(), "{line}");
 }
 
-/// The random stream of a case: the same whatever came before it, and on any thread.
+/// Random stream of a case, independent of other cases and of the thread.
 fn stream(kind: &str, seed: u64, case: u64) -> ChaCha8Rng {
     let kind = kind.bytes().fold(0, |sum, byte| echoloop_random::derive(sum, byte.into(), 0));
     ChaCha8Rng::seed_from_u64(echoloop_random::derive(seed, kind, case))
 }
 
 #[test]
-fn a_case_that_fails_or_panics_is_named_and_the_others_are_counted() {
+fn failing_and_panicking_cases_are_reported_with_their_commands() {
     let failed = catch_unwind(|| {
         Campaign { kind: "trial", cases: 20 }.run(|rng| {
             use rand::RngExt;

@@ -1,12 +1,12 @@
-//! What happens to bytes: flips, cuts, swaps, doublings, holes, pieces of others.
+//! Damage to bytes: flips, cuts, swaps, repetitions, holes, foreign pieces.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// Ways of [`damaged`].
+/// Number of kinds of [`accident`].
 const WAYS: u32 = 8;
 
-/// `bytes` after one to three accidents; `other` is where foreign pieces come from.
+/// `bytes` after one to three accidents; foreign pieces come from `other`.
 pub(crate) fn damaged(rng: &mut ChaCha8Rng, bytes: &[u8], other: &[u8]) -> Vec<u8> {
     let accidents = rng.random_range(1..=3);
     (0..accidents).fold(bytes.to_vec(), |bytes, _| accident(rng, &bytes, other))
@@ -31,7 +31,7 @@ pub(crate) fn accident(rng: &mut ChaCha8Rng, bytes: &[u8], other: &[u8]) -> Vec<
     }
 }
 
-/// One bit is another.
+/// `bytes` with one bit flipped.
 pub(crate) fn flipped(rng: &mut ChaCha8Rng, bytes: &[u8]) -> Vec<u8> {
     let mut flipped = bytes.to_vec();
     if !bytes.is_empty() {
@@ -40,7 +40,7 @@ pub(crate) fn flipped(rng: &mut ChaCha8Rng, bytes: &[u8]) -> Vec<u8> {
     flipped
 }
 
-/// Where a piece begins and ends.
+/// Begin and end of a random piece.
 fn piece(rng: &mut ChaCha8Rng, length: usize) -> (usize, usize) {
     let [a, b] = [0, 1].map(|_| rng.random_range(0..=length));
     (a.min(b), a.max(b))

@@ -1,8 +1,8 @@
-//! Attacks: damage by the thousand, seeded, each case with a verdict. A part runs with the tests;
-//! `cargo xtask attack` runs as many as one likes.
+//! Attacks: thousands of seeded cases of damage, each with a verdict. The tests run some of them,
+//! `cargo xtask attack` any number.
 //!
-//! Another kind is a file of the folder `kind`, named in its module, with a test that calls
-//! [`campaign::Campaign::run`]. What is done to bytes is in [`damage`].
+//! A new kind is a file in the folder `kind`, declared in its module, with a test that calls
+//! [`campaign::Campaign::run`]. [`damage`] has the accidents to bytes.
 
 mod campaign;
 mod damage;

@@ -1,12 +1,11 @@
-//! What the tables say is good enough: against the model that never rounds, against the truth,
-//! against the physics.
+//! Accuracy of the detector: against the model that never rounds, the truth and the physics.
 //!
-//! Figures in comments are what the code reaches; the asserted bounds leave room for the Monte
-//! Carlo, which is seeded.
+//! Figures in comments are the errors reached; the bounds leave room for the seeded Monte Carlo.
 
 use echoloop_dsp::choice::{DenoiseFilter, TimingMethod};
 use echoloop_dsp::{Echo, Flags, Hardware, Pipeline, Scratch, Settings};
 use echoloop_tests::float_reference::{self, FloatReference};
+use echoloop_tests::moments::{mean, mean_and_deviation};
 use echoloop_tests::tolerance::{self, LEAST_NOISE_CODES, TOLERANCES};
 use echoloop_tests::vectors::{self, add_echo, digitise, noise};
 use rand::RngExt;
@@ -21,7 +20,7 @@ const THREE_GS: i32 = 2382;
 
 const PHASES: i32 = 256;
 
-/// A sensor, its model and its memory.
+/// A detector and its model.
 struct Bench {
     hardware: Hardware,
     pipeline: Pipeline,
@@ -40,7 +39,7 @@ impl Bench {
         }
     }
 
-    /// The strongest echo of a waveform to which one of this amplitude, in codes, is added.
+    /// Adds an echo of this amplitude, in codes, to a waveform; returns the strongest echo found.
     fn see(&mut self, mut wave: Vec<f64>, at: f64, amplitude: f64) -> Option<(Echo, Vec<u16>)> {
         add_echo(&mut wave, at, amplitude, self.ideal.width());
         let codes = digitise(&wave, &self.hardware);
@@ -53,7 +52,7 @@ impl Bench {
         echo.range_m() * 1e3 - self.ideal.range_mm(at)
     }
 
-    /// A noise-free echo and where it lies.
+    /// Detects a noise-free echo; returns it with its true position.
     fn at_phase(&mut self, phase: i32, amplitude: f64) -> (Echo, f64) {
         let at = 150.0 + f64::from(phase) / f64::from(PHASES);
         (self.see(vec![100.0; 300], at, amplitude).expect("an echo far above the threshold").0, at)
@@ -66,7 +65,7 @@ impl Bench {
             self.error_mm(&echo, at)
         };
         let errors: Vec<f64> = (0..PHASES).map(&mut error).collect();
-        (mean_and_std(&errors).0, errors.iter().fold(0.0, |worst: f64, v| v.abs().max(worst)))
+        (mean(&errors), errors.iter().fold(0.0, |worst: f64, v| v.abs().max(worst)))
     }
 
     /// Mean and standard deviation of the range error in white noise of `sigma` codes, at random
@@ -80,14 +79,8 @@ impl Bench {
             let (echo, _) = self.see(wave, at, snr * sigma).expect("an echo above the threshold");
             self.error_mm(&echo, at)
         };
-        mean_and_std(&(0..runs).map(|_| run()).collect::<Vec<_>>())
+        mean_and_deviation(&(0..runs).map(|_| run()).collect::<Vec<_>>())
     }
-}
-
-fn mean_and_std(values: &[f64]) -> (f64, f64) {
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
 }
 
 fn in_units(echo: &Echo) -> float_reference::Echo {
@@ -124,18 +117,18 @@ fn echoes_stay_within_the_tolerance_table_of_the_model_that_never_rounds() {
             continue;
         };
         let (mut ours, models) = (in_units(&echo), bench.ideal.process(&codes));
-        // Near the threshold one of the two may see nothing.
+        // Near the threshold, one of the two may find no echo.
         let Some((model, tolerance)) =
             models.first().and_then(|t| Some((t, tolerance::at(t.snr)?)))
         else {
             continue;
         };
         if model.snr > 250.0 {
-            continue; // U8.8 ends at 256
+            continue; // the SNR's U8.8 ends at 256
         }
         assert_eq!(ours.saturated, model.saturated, "seed {seed}");
         if ours.saturated && settings.timing != TimingMethod::WalkCorrected.code() {
-            assert_eq!(echo.deviation, u16::MAX, "seed {seed}: it walks");
+            assert_eq!(echo.deviation, u16::MAX, "seed {seed}: a clipped echo walks");
             ours.deviation_mm = model.deviation_mm;
         }
         let class = TOLERANCES.iter().position(|t| t == tolerance).unwrap();
@@ -152,9 +145,8 @@ fn echoes_stay_within_the_tolerance_table_of_the_model_that_never_rounds() {
 }
 
 #[test]
-fn a_noise_free_echo_s_worst_bias_over_all_phases_is_that_of_the_parabola() {
-    // (bins, upsampling, worst |bias| in mm of benches/record/physics.md's check values or
-    // measured)
+fn the_worst_bias_of_a_noise_free_echo_is_that_of_the_parabola() {
+    // (bins, upsampling, worst |bias| in mm, from benches/record/physics.md or measured, tolerance)
     for (bins, upsampling, expected_mm, within_mm) in [
         (HALF_GS, 1, 7.3, 0.6),  // 6.86
         (ONE_GS, 1, 0.91, 0.03), // 0.92
@@ -179,15 +171,15 @@ fn a_noise_free_echo_s_worst_bias_over_all_phases_is_that_of_the_parabola() {
 }
 
 #[test]
-fn walk_correction_takes_the_parabola_s_bias_away_behind_every_filter() {
+fn walk_correction_removes_the_bias_of_the_parabola_behind_every_filter() {
     for (bins, within_mm) in [(HALF_GS, 0.55), (ONE_GS, 0.065), (TWO_GS, 0.08)] {
         for denoise in [
             DenoiseFilter::None.code(),
             DenoiseFilter::Gaussian.code(),
             DenoiseFilter::Matched.code(),
         ] {
-            // at half a giga-sample 0.49, 0.48, 0.33; at one 0.057, 0.026, 0.031; at two 0.075,
-            // 0.012, 0.009
+            // Worst at 0.5 GS/s: 0.49, 0.48, 0.33; at 1 GS/s: 0.057, 0.026, 0.031; at 2 GS/s:
+            // 0.075, 0.012, 0.009.
             let (mean, worst) =
                 Bench::new(Settings { bins, denoise, ..Settings::default() }, FINE).bias(15_000.0);
             assert!(worst < within_mm, "{bins} bins, filter {denoise}: {worst} mm");
@@ -197,9 +189,9 @@ fn walk_correction_takes_the_parabola_s_bias_away_behind_every_filter() {
 }
 
 #[test]
-fn a_constant_fraction_has_a_bias_of_few_millimetres_and_a_threshold_one_that_walks() {
+fn a_constant_fraction_is_biased_by_millimetres_and_a_rising_edge_walks() {
     for (bins, within_mm) in [(HALF_GS, 11.0), (ONE_GS, 1.6), (TWO_GS, 0.45)] {
-        // 10.5, 1.53, 0.43: a line between samples is no parabola
+        // Reached: 10.5, 1.53, 0.43, because it interpolates linearly.
         let settings =
             Settings { bins, timing: TimingMethod::ConstantFraction.code(), ..Settings::default() };
         let [weak, strong] =
@@ -220,7 +212,7 @@ fn a_constant_fraction_has_a_bias_of_few_millimetres_and_a_threshold_one_that_wa
 
 #[test]
 fn clipped_echoes_are_timed_as_well_as_whole_ones_while_both_edges_show() {
-    // (bins, the deepest A/S at which they show at every phase, worst and mean in mm)
+    // (bins, deepest A/S with both edges at every phase, worst and mean error in mm)
     for (bins, deepest, worst_mm, mean_mm) in [
         (HALF_GS, 2.0, 0.4, 0.15), // 0.36, 0.13: bisection ends at 2⁻¹⁰ samples, on one side
         (ONE_GS, 5.0, 0.25, 0.08), // 0.23, 0.07
@@ -245,7 +237,7 @@ fn overdrives(saturation_ppm: i32) -> [(i32, f64); 7] {
 }
 
 #[test]
-fn clipped_echoes_whose_edges_fall_between_samples_are_unbiased_and_say_how_far_off_they_may_be() {
+fn clipped_echoes_with_edges_between_samples_are_unbiased_with_an_honest_sigma() {
     for (bins, ripple_mm) in [(HALF_GS, 145.0), (ONE_GS, 69.0), (TWO_GS, 31.5), (THREE_GS, 19.0)] {
         for (saturation_ppm, overdrive) in [1_000_000, 500_000].into_iter().flat_map(overdrives) {
             let settings = Settings { bins, saturation_ppm, ..Settings::default() };
@@ -308,8 +300,8 @@ fn reflectivity_is_that_of_the_surface_whole_or_clipped() {
 #[test]
 fn the_spread_in_white_noise_is_that_of_the_physics_and_near_the_cramer_rao_bound() {
     const RUNS: u32 = 6_000;
-    let confidence = 3.0 / f64::from(2 * RUNS).sqrt(); // three σ of a standard deviation: 2.7 %
-    // benches/record/physics.md §4, Monte Carlo in real numbers: mm at 1 GS/s
+    let confidence = 3.0 / f64::from(2 * RUNS).sqrt(); // three standard errors of σ: 2.7 %
+    // benches/record/physics.md §4, Monte Carlo in real numbers, mm at 1 GS/s.
     for (snr, physics_mm) in [(10.0, 21.0), (20.0, 10.6), (50.0, 4.35)] {
         let mut bench =
             Bench::new(Settings { bins: ONE_GS, ..Settings::default() }, Hardware::REFERENCE);
@@ -326,7 +318,7 @@ fn the_spread_in_white_noise_is_that_of_the_physics_and_near_the_cramer_rao_boun
 }
 
 #[test]
-fn upsampling_mends_the_parabola_s_spread_at_half_a_giga_sample_and_walk_correction_all_of_it() {
+fn at_half_a_gigasample_upsampling_reduces_the_spread_and_walk_correction_reaches_the_bound() {
     let spread = |upsampling, timing| {
         let settings = Settings { bins: HALF_GS, upsampling, timing, ..Settings::default() };
         Bench::new(settings, Hardware::REFERENCE).scatter(50.0, 16.0, 3_000).1
@@ -342,8 +334,8 @@ fn upsampling_mends_the_parabola_s_spread_at_half_a_giga_sample_and_walk_correct
 
 #[test]
 fn weak_echoes_in_little_noise_are_unbiased_at_every_rate_and_resolution() {
-    // S so that d' = S·√(¾ f_s τ) is 12; σ in codes. y alone, without f, was 42 mm off at 3 GS/s
-    // and one code.
+    // S makes d' = S·√(¾ f_s τ) equal to 12; σ in codes. Read from y instead of f, the range was
+    // 42 mm off at 3 GS/s and σ = 1 code.
     for (bins, strength) in [(ONE_GS, 6.2), (THREE_GS, 3.57)] {
         let settings =
             Settings { bins, upsampling: 8, noise_floor_ppm: 100, ..Settings::default() };
@@ -361,8 +353,8 @@ fn weak_echoes_in_little_noise_are_unbiased_at_every_rate_and_resolution() {
 #[test]
 fn false_alarms_are_as_rare_as_the_physics_says() {
     const WINDOWS: u32 = 30_000;
-    // per 800 ns window at k = 4, with σ known: benches/record/physics.md §4. Measuring σ from the
-    // same waveform adds a fifth.
+    // Rates per 800 ns window at k = 4 with σ known: benches/record/physics.md §4. Measuring σ in the same
+    // waveform adds a fifth.
     for (bins, known_sigma) in [(HALF_GS, 0.0106), (ONE_GS, 0.0133), (THREE_GS, 0.0167)] {
         let settings = Settings {
             bins,
@@ -399,7 +391,7 @@ fn measured_noise_is_unbiased_down_to_two_codes_at_every_resolution() {
                     / f64::from(1 << (19 - adc_bits))
                     / sigma
             };
-            let (mean, _) = mean_and_std(&(0..1_000).map(|_| ratio()).collect::<Vec<_>>());
+            let mean = mean(&(0..1_000).map(|_| ratio()).collect::<Vec<_>>());
             // σ 2 with 1/12 code²: 1.01
             assert!((0.985..1.03).contains(&mean), "{adc_bits} bits, σ {sigma}: {mean}");
         }

@@ -1,7 +1,7 @@
-//! The integer code equals the model that rounds where its tables say: every stage by itself, then
-//! the pipeline.
+//! The integer code equals the bit-true model: every stage alone, then the pipeline.
 
 use std::collections::HashMap;
+use std::sync::LazyLock;
 
 use echoloop_dsp::SampleLoops;
 use echoloop_dsp::accumulate::Accumulator;
@@ -24,12 +24,23 @@ use echoloop_dsp::{
 use echoloop_tests::bit_true::{self, BitTrue};
 use echoloop_tests::vectors::{self, Case, ClippedRun, Kind};
 use rand::{Rng, RngExt};
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 /// Waveforms per stage.
 const SEEDS: u64 = 10_000;
 
-/// A case, the DSP's constants and the model's.
-fn set_up(seed: u64) -> (Case, DetectorConfig, BitTrue) {
+/// The case of a seed, the DSP's constants and the model.
+type SetUp = (Case, DetectorConfig, BitTrue);
+
+/// Set-ups of the first [`SEEDS`] seeds, drawn once for all tests.
+static SET_UPS: LazyLock<Vec<SetUp>> =
+    LazyLock::new(|| (0..SEEDS).into_par_iter().map(draw).collect());
+
+fn set_up(seed: u64) -> &'static SetUp {
+    &SET_UPS[seed as usize]
+}
+
+fn draw(seed: u64) -> SetUp {
     let case = vectors::case(seed);
     let config = DetectorConfig::new(&case.settings, &case.hardware)
         .expect("vectors draw accepted settings");
@@ -112,7 +123,7 @@ fn summed_shots_equal_their_model_and_begin_anew() {
     let mut accumulator = Accumulator::new();
     for seed in 0..SEEDS {
         let (case, config, model) = set_up(seed);
-        let shots = vectors::shots(&case, &mut vectors::rng(seed));
+        let shots = vectors::shots(case, &mut vectors::rng(seed));
         let mut codes = vec![1; shots[0].len() + 3];
         for (shot, codes) in (0..).zip(&shots) {
             accumulator.add(shot, codes);
@@ -125,7 +136,7 @@ fn summed_shots_equal_their_model_and_begin_anew() {
 }
 
 #[test]
-fn codes_beyond_the_room_for_them_are_not_summed() {
+fn codes_beyond_the_capacity_are_not_summed() {
     let mut accumulator = Accumulator::default();
     for shot in 0..16 {
         accumulator.add(shot, &[0x3fff; MAX_CODES + 1]);
@@ -212,7 +223,7 @@ fn the_baseline_equals_its_model() {
         let mut x = vec![0; case.codes.len()];
         baseline::remove(&case.codes, config.clip_code(), config.code_shift(), saturated, &mut x);
         if let Some(ramp) = config.ramp() {
-            let near = Near { ramp, config: &config, ambient: saturated };
+            let near = Near { ramp, config, ambient: saturated };
             near.remove_baseline(&case.codes, 0..ramp.samples(), &mut x);
         }
         assert_eq!(reals(&x), model.baseline(&case.codes, ambient.into()), "seed {seed}");
@@ -245,7 +256,8 @@ fn the_filter_equals_its_model_over_the_whole_scale_of_samples() {
 fn statistics_and_filter_inside_the_pipeline_equal_their_models_in_both_builds() {
     let mut scratch = Scratch::new();
     for seed in 0..SEEDS {
-        let (mut case, config, model) = set_up(seed);
+        let (case, config, model) = set_up(seed);
+        let mut case = case.clone();
         case.codes.truncate(config.codes() - config.samples() + echoloop_dsp::MAX_SAMPLES);
         let pipeline = Pipeline::new(&case.settings, &case.hardware).unwrap();
         let (before, codes) = case.split();
@@ -272,7 +284,7 @@ fn thresholds_equal_their_model() {
             Portable.statistics(&case.codes, config.code_shift(), &Statistics::default());
         let any = Statistics { sigma: rng.random::<u32>() >> rng.random_range(4..32), ..measured };
         for statistics in [measured, any, Statistics::default()] {
-            let ours = Threshold::new(&config, &statistics);
+            let ours = Threshold::new(config, &statistics);
             assert_eq!(
                 bit_true::Threshold::from(ours),
                 model.threshold(&statistics.into()),
@@ -372,7 +384,7 @@ fn noise_whose_nine_variances_no_integer_holds_hides_everything() {
     assert!(noise.hides(0xffff) && !bit_true::Noise::from(noise).shows(65_535.0));
 }
 
-/// From none to what no waveform has.
+/// Draws noise from none to more than any waveform has.
 fn any_noise(rng: &mut impl Rng) -> Noise {
     let mut any = || match rng.random_range(0..6) {
         0 => 0,
@@ -453,8 +465,8 @@ fn refined_peaks_equal_their_models() {
         let (y, level) = vectors::output(seed);
         let mut rng = vectors::rng(seed);
         let codes = codes_near(config.clip_code(), &y, &mut rng);
-        // f rounds to y: plateaus of y have slopes and ripples
-        // else from even to odd values as little as can be
+        // f rounds to y. Ripple gives the plateaus of y slopes, or makes f as flat as possible
+        // between even and odd values.
         let steepest = rng.random_range(0..4) > 0;
         let mut ripple = |v: i16| {
             if steepest { rng.random_range(-128..128) } else { 127 - 255 * i64::from(v & 1) }
@@ -473,7 +485,7 @@ fn refined_peaks_equal_their_models() {
             shot: config.shot_noise(),
         };
         Portable.peaks(&y, level, &mut found);
-        // now and then a threshold above the peak, which detection never gives
+        // Sometimes a threshold above the peak, which detection never gives.
         let level =
             if rng.random_range(0..16) == 0 { rng.random_range(level..=i16::MAX) } else { level };
         let threshold = Threshold {
@@ -490,12 +502,11 @@ fn refined_peaks_equal_their_models() {
             shots: None,
             level: None,
         };
-        let near =
-            config.ramp().map(|ramp| Near { ramp, config: &config, ambient: threshold.ambient });
+        let near = config.ramp().map(|ramp| Near { ramp, config, ambient: threshold.ambient });
         for &peak in found.iter().take(8) {
             let waveform = Waveform { codes: &codes, x: &x, y: &y };
             let refiner = Refiner {
-                config: &config,
+                config,
                 waveform,
                 threshold: &threshold,
                 noise: &noise,
@@ -515,8 +526,8 @@ fn refined_peaks_equal_their_models() {
     }
 }
 
-/// One code in fifty at the saturation level, or runs of them, or where `y` is high; the others one
-/// below.
+/// Draws codes at the saturation level: one in fifty, or runs, or where `y` is high; the others are
+/// one below.
 fn codes_near(clip: u16, y: &[i16], rng: &mut impl Rng) -> Vec<u16> {
     let kind = rng.random_range(0..3);
     let high = rng.random::<i16>().max(1);
@@ -559,7 +570,7 @@ fn echoes_equal_their_models() {
             };
             let index = (refined.time.max(0) >> 16) as usize;
             let ours =
-                Echo::from_peak(&config, &refined, &threshold, index).map(bit_true::Echo::from);
+                Echo::from_peak(config, &refined, &threshold, index).map(bit_true::Echo::from);
             assert_eq!(
                 ours,
                 model.echo(&refined.into(), &threshold.into(), index),
@@ -573,7 +584,13 @@ fn echoes_equal_their_models() {
 fn the_pipeline_equals_its_model_in_every_build() {
     let mut scratch = Scratch::new();
     for seed in 0..2 * SEEDS {
-        let (case, _, model) = set_up(seed);
+        let drawn;
+        let (case, _, model) = if seed < SEEDS {
+            set_up(seed)
+        } else {
+            drawn = draw(seed);
+            &drawn
+        };
         let pipeline = Pipeline::new(&case.settings, &case.hardware).unwrap();
         let expected = model.process(&case.codes);
         let fastest = echoloop_kernels::process(&pipeline, &case.codes, &mut scratch);
@@ -606,7 +623,7 @@ fn the_pipeline_equals_its_model_on_dithered_shots() {
         let pipeline = Pipeline::new(&settings, &case.hardware).unwrap();
         let config = pipeline.config();
         let model = BitTrue::new(&settings, &case.hardware, config);
-        // Shots of one scene that clips, each with a level of its own, now and then shorter ones.
+        // Shots of one clipped waveform, each with its own scale.
         let kind = [Kind::ClippedEcho, Kind::ClipEdge, Kind::ManyEchoes][rng.random_range(0..3)];
         let wave = vectors::waveform(&settings, &case.hardware, kind, &mut rng);
         let top = case.hardware.full_scale_code();
@@ -621,7 +638,7 @@ fn the_pipeline_equals_its_model_on_dithered_shots() {
         scratch.shots().read(config.sum_shift(), &mut codes);
         let ours = models(&echoloop_kernels::process(&pipeline, &codes, &mut scratch));
         assert_eq!(ours, model.process_shots(&shots), "seed {seed}, {kind:?}, {settings:?}");
-        // The shots have been read: now they are not known.
+        // The single shots have been used up: without them the model has only their sum.
         let again = models(&echoloop_kernels::process(&pipeline, &codes, &mut scratch));
         assert_eq!(again, model.process(&codes), "seed {seed}");
         differ += u64::from(again != ours);
@@ -630,11 +647,11 @@ fn the_pipeline_equals_its_model_on_dithered_shots() {
 }
 
 #[test]
-fn memory_of_other_waveforms_and_settings_changes_nothing() {
+fn used_memory_changes_nothing() {
     let mut reused = Scratch::new();
     for seed in 0..SEEDS {
-        // other seeds, other order of kinds
-        let (case, ..) = set_up(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        // Other seeds, in another order of kinds.
+        let case = vectors::case(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let pipeline = Pipeline::new(&case.settings, &case.hardware).unwrap();
         let again = echoloop_kernels::process(&pipeline, &case.codes, &mut reused);
         let mut fresh = Scratch::new();

@@ -1,8 +1,5 @@
-//! The constants that are computed in `f32` when settings are committed: the same on every machine,
-//! and near the real ones.
-//!
-//! The models of `bit_exact.rs` take them as they are; here they are held to their
-//! formulas in `f64`.
+//! Constants computed in `f32` when settings are committed: the same on every machine, and near
+//! their formulas in `f64`. The model of `bit_exact.rs` takes them from the DSP.
 
 use echoloop_dsp::choice::DenoiseFilter;
 use echoloop_dsp::template::Template;
@@ -10,7 +7,7 @@ use echoloop_dsp::{DetectorConfig, Hardware, Settings};
 use echoloop_tests::float_reference::Filtered;
 use echoloop_tests::vectors::{self, pulse};
 
-/// Settings and hardware per test.
+/// Number of settings and hardware per test.
 const SEEDS: u64 = 10_000;
 
 fn draw(seed: u64) -> (Settings, Hardware, DetectorConfig) {
@@ -21,12 +18,12 @@ fn draw(seed: u64) -> (Settings, Hardware, DetectorConfig) {
     (settings, hardware, config)
 }
 
-/// W f_s.
+/// Pulse width in samples, W f_s.
 fn samples_per_width(settings: &Settings, config: &DetectorConfig) -> f64 {
     f64::from(settings.pulse_width_ps) * 1e3 / f64::from(config.sample_period_fs())
 }
 
-/// The taps of one pulse, from the first to the centre.
+/// Committed taps of one pulse, from the first to the centre.
 struct Golden {
     width_ps: u32,
     period_fs: u32,
@@ -35,7 +32,7 @@ struct Golden {
     taps: &'static [i16],
 }
 
-/// A golden template: pulse width, sample period, gains, taps.
+/// Shorthand for [`Golden`]: pulse width, sample period, gains, taps.
 const fn golden(
     width_ps: u32,
     period_fs: u32,

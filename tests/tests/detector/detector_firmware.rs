@@ -1,5 +1,5 @@
-//! The example that is the detector alone (`examples/detector_firmware`), built without the
-//! detector's default features, on three processors in QEMU: a debugger plays DMA.
+//! The example of the detector alone (`examples/detector_firmware`), built without the detector's
+//! default features, on three processors in QEMU. A debugger takes the place of DMA.
 //!
 //! `cargo xtask firmware` builds it.
 
@@ -13,7 +13,7 @@ use echoloop_tests::gdb::Gdb;
 use echoloop_tests::target::{machine_with, symbol};
 use echoloop_tests::vectors::{self, KINDS};
 
-/// Cortex-M4F, RV32IMAC, and an M3 with what is built for the M0.
+/// Cortex-M4F, RV32IMAC, and an M3 that runs the build for the M0.
 const MACHINES: [Machine; 3] = [Machine::An386, Machine::Virt, Machine::An385];
 
 /// Codes of a shot, as in the example.
@@ -36,7 +36,7 @@ fn waveforms() -> Vec<Vec<u16>> {
     waves.collect()
 }
 
-/// What the example has in memory.
+/// Addresses of the example's variables.
 struct Places {
     codes: u32,
     full: u32,
@@ -45,7 +45,7 @@ struct Places {
     shots: u32,
 }
 
-/// The echoes that it hands out for a waveform; `shots` were answered before.
+/// Passes a waveform to the example and reads its echoes; `shots` is the number of earlier ones.
 fn answer(gdb: &mut Gdb, places: &Places, wave: &[u16], shots: u32) -> Echoes {
     let codes: Vec<u8> = wave.iter().flat_map(|code| code.to_le_bytes()).collect();
     gdb.write(places.codes, &codes).unwrap();
@@ -75,7 +75,7 @@ fn echo(words: &[u32]) -> Echo {
 }
 
 #[test]
-fn the_detector_alone_finds_on_three_processors_what_the_pc_finds() {
+fn the_detector_alone_finds_the_same_echoes_on_three_processors_as_on_the_pc() {
     let waves = waveforms();
     let pipeline = Pipeline::new(&settings(), &Hardware::REFERENCE).unwrap();
     let mut scratch = Scratch::new();
@@ -89,7 +89,7 @@ fn the_detector_alone_finds_on_three_processors_what_the_pc_finds() {
         let (pattern, hardware) = (ScanPattern::default(), Hardware::REFERENCE);
         let _board = Qemu::start(&options, Target::default(), pattern, hardware).unwrap();
         let mut gdb = Gdb::connect(&socket).unwrap();
-        // There the start-up code has set memory to zero.
+        // At main, the start-up code has set memory to zero.
         gdb.run_to(symbol(&options, "main") & !1, || {}).unwrap();
         let places = Places {
             codes: symbol(&options, "ADC_CODES"),

@@ -1,4 +1,4 @@
-//! How far the default settings see in fog: a target square to the beam, of three reflectances.
+//! Range of the detector in fog, for targets of three reflectances square to the beam.
 //!
 //! `cargo test -p echoloop-tests --test detector fog:: -- --nocapture` prints the table of
 //! benches/record/front-end.md.
@@ -23,7 +23,7 @@ fn keep(choice: EchoChoice, echoes: i32) -> Settings {
     Settings { echo_choice: choice.code(), echoes, ..Settings::default() }
 }
 
-/// Which echoes are kept, and how many; the near field as by default, or set for fog.
+/// Settings of the table's rows: choice and number of echoes, overlap.
 fn kept() -> [(&'static str, Settings); 6] {
     let strongest = Settings::default();
     [
@@ -52,7 +52,7 @@ impl Fog {
         Self { receiver: Receiver { weather, ..Receiver::default() }, settings, analog, pipeline }
     }
 
-    /// How many of the beams find a target.
+    /// Number of beams that find a target.
     fn found(&self, reflectance: f64, range_m: f64) -> u32 {
         let strength_per_m2 = (reflectance / PI / range_m / range_m) as f32;
         let target = Return { range_m: range_m as f32, strength_per_m2 };
@@ -69,22 +69,22 @@ impl Fog {
         (0..BEAMS).filter(|&beam| finds(beam)).count() as u32
     }
 
-    /// The farthest of ranges 5 % apart, from 5 m on, at which nine of ten beams find it. Nearer
-    /// ones may be lost: in dense fog their echo is one with the air's.
+    /// Farthest range, in steps of 5 % from 5 m on, at which nine of ten beams find the target. In
+    /// dense fog a nearer one may be lost, because its echo merges with the air's.
     fn reach_m(&self, reflectance: f64) -> f64 {
         let ranges = (0..65).map(|i| 5.0 * 1.05f64.powi(i)).take_while(|&r| r < 119.0);
         let seen = |&r: &f64| 10 * self.found(reflectance, r) >= 9 * BEAMS;
         ranges.filter(seen).last().unwrap_or(0.0)
     }
 
-    /// Peak of a target's echo over full scale.
+    /// Peak of a target's echo, fraction of full scale.
     fn target(&self, reflectance: f64, range_m: f64) -> f64 {
         let strength = reflectance / PI / range_m / range_m;
         let peak_ua = self.receiver.peak_current_ua(self.analog.power_w, range_m, strength);
         peak_ua / self.receiver.full_scale_ua
     }
 
-    /// Highest light of the fog over full scale, by millimetres of the integral.
+    /// Peak of the fog's own echo, fraction of full scale, integrated in steps of 1 mm.
     fn air(&self) -> f64 {
         let width = self.analog.pulse_width_ns;
         let light = |ns: f64| -> f64 {
@@ -103,14 +103,14 @@ impl Fog {
         (8..30).map(|ns| light(f64::from(ns))).fold(0.0, f64::max)
     }
 
-    /// Where a falling function of range passes 1.
+    /// Range at which a falling function passes 1, m.
     fn where_one(of: impl Fn(f64) -> f64) -> f64 {
         (100..11_900).map(|cm| f64::from(cm) / 100.0).find(|&r| of(r) < 1.0).unwrap_or(119.0)
     }
 }
 
 #[test]
-fn in_fog_the_strongest_echo_is_the_target_s_as_far_as_it_outshines_the_air() {
+fn in_fog_the_strongest_echo_is_the_target_as_far_as_it_outshines_the_air() {
     for visibility_m in VISIBILITIES_M {
         let fog = Fog::new(visibility_m, Settings::default());
         let air = fog.air();
@@ -118,10 +118,10 @@ fn in_fog_the_strongest_echo_is_the_target_s_as_far_as_it_outshines_the_air() {
             let expected_m = Fog::where_one(|r| fog.target(reflectance, r) / air);
             let reach_m = fog.reach_m(reflectance);
             if expected_m < 8.5 {
-                continue; // its echo is one with the air's
+                continue; // the echo merges with the air's
             }
             let case = format!("visibility {visibility_m} m, reflectance {reflectance}");
-            // The light of air that is not clipped counts a third too high: it is longer than the
+            // The echo of air that is not clipped counts a third too high: it is longer than the
             // filter's pulse.
             assert!(
                 reach_m > 0.75 * expected_m && reach_m < 1.12 * expected_m,
@@ -132,12 +132,12 @@ fn in_fog_the_strongest_echo_is_the_target_s_as_far_as_it_outshines_the_air() {
 }
 
 #[test]
-fn the_last_echo_is_the_target_s_as_far_as_noise_allows() {
+fn the_last_echo_is_the_target_as_far_as_noise_allows() {
     for visibility_m in VISIBILITIES_M {
         let fog = Fog::new(visibility_m, keep(EchoChoice::Last, 1));
         for reflectance in REFLECTANCES {
-            // Nine of ten: 1.3 σ above the threshold, in the noise of the dark. The fog's light
-            // trembles, too, and raises the ambient.
+            // Nine of ten beams: 1.3 σ above the threshold, in the noise without light. The fog
+            // adds noise and raises the ambient.
             let sigma = fog.receiver.quiescent_variance_ua2().sqrt() / fog.receiver.full_scale_ua;
             let samples = fog.analog.pulse_width_ns / fog.analog.sample_period_ns;
             let least = ((4.7 + 1.3) * sigma / (0.75 * samples).sqrt()).max(0.004);
@@ -164,7 +164,7 @@ fn the_table_of_the_documentation() {
             println!();
         }
     }
-    // With the air's echo kept beside it, the target's is found as far as the last is.
+    // When the air's echo is kept as well, the target is found as far as with the last echo.
     for visibility_m in VISIBILITIES_M {
         let reach = |choice, echoes| Fog::new(visibility_m, keep(choice, echoes)).reach_m(0.5);
         let (two, last) = (reach(EchoChoice::Strongest, 2), reach(EchoChoice::Last, 1));

@@ -1,5 +1,5 @@
-//! The ideal detector, which the sensor's program is held to: on the bound, without bias, and the
-//! same sensor in all else.
+//! The ideal detector, the reference for the sensor's program: it reaches the Cramér–Rao bound
+//! without bias, and the rest of the sensor is the same.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -12,17 +12,18 @@ use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sensors::client::{Client, RetryPolicy};
 use echoloop_sensors::transport::InProcess;
 use echoloop_sim::ideal::{IdealDetector, Shots};
+use echoloop_tests::moments::mean_and_deviation;
 use echoloop_tests::vectors::{self, add_echo, digitise, noise};
 use echoloop_tests::wall::{MM_PER_NS, wall};
 use rand::RngExt;
 
 const WHITE: Hardware = Hardware { shot_noise_ppm: 0, ..Hardware::REFERENCE };
 
-/// Waveforms of known pulses, and what the detector makes of them.
+/// The ideal detector on waveforms of known pulses.
 struct Bench {
     detector: IdealDetector,
     hardware: Hardware,
-    /// Of the pulse, samples.
+    /// Width of the pulse, samples.
     width: f64,
     mm_per_sample: f64,
 }
@@ -47,16 +48,10 @@ impl Bench {
         echo.range_m() * 1e3 - f64::from(self.hardware.range_min_mm) - at * self.mm_per_sample
     }
 
-    /// Cramér and Rao's of one pulse in white noise: (cτ/π) / (S √(f_s τ)).
+    /// Cramér–Rao bound of one pulse in white noise: (cτ/π) / (S √(f_s τ)).
     fn bound_mm(&self, snr: f64) -> f64 {
         2.0 * self.mm_per_sample * self.width / PI / (snr * self.width.sqrt())
     }
-}
-
-fn mean_and_spread(values: &[f64]) -> (f64, f64) {
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
 }
 
 fn at_rate(bins: i32) -> Settings {
@@ -64,7 +59,7 @@ fn at_rate(bins: i32) -> Settings {
 }
 
 #[test]
-fn its_range_spreads_as_the_bound_allows_and_says_so() {
+fn its_range_spreads_as_the_bound_allows_and_its_sigma_says_so() {
     for (bins, snr) in [(397, 10.0), (397, 50.0), (794, 10.0), (1_588, 50.0)] {
         let bench = Bench::new(&at_rate(bins), WHITE);
         let mut rng = vectors::rng(7);
@@ -79,7 +74,7 @@ fn its_range_spreads_as_the_bound_allows_and_says_so() {
             bench.error_mm(&echoes[0], at)
         };
         let errors: Vec<f64> = (0..4_000).map(|_| error()).collect();
-        let (mean, spread) = mean_and_spread(&errors);
+        let (mean, spread) = mean_and_deviation(&errors);
         let ratio = spread / bench.bound_mm(snr);
         assert!(ratio > 0.96 && ratio < 1.05, "{bins} bins, S {snr}: {ratio} of the bound");
         assert!(mean.abs() < 4.0 * spread / 4_000f64.sqrt() + 0.01, "{bins}, {snr}: {mean} mm");
@@ -88,7 +83,7 @@ fn its_range_spreads_as_the_bound_allows_and_says_so() {
 }
 
 #[test]
-fn a_clipped_pulse_is_timed_by_what_is_left_of_it() {
+fn a_clipped_pulse_is_timed_by_its_edges() {
     let bench = Bench::new(&at_rate(794), Hardware::REFERENCE);
     let mut rng = vectors::rng(8);
     for times in [2.0, 5.0] {
@@ -101,13 +96,13 @@ fn a_clipped_pulse_is_timed_by_what_is_left_of_it() {
             bench.error_mm(&echoes[0], at)
         };
         let errors: Vec<f64> = (0..64).map(&mut error).collect();
-        let (mean, spread) = mean_and_spread(&errors);
+        let (mean, spread) = mean_and_deviation(&errors);
         assert!(mean.abs() < 0.5 && spread < 2.0, "{times} times full scale: {mean}, {spread} mm");
     }
 }
 
 #[test]
-fn of_two_pulses_that_overlap_each_is_found_where_it_is() {
+fn both_of_two_overlapping_pulses_are_found_in_their_places() {
     let bench = Bench::new(&Settings { echoes: 2, ..at_rate(794) }, WHITE);
     let mut rng = vectors::rng(9);
     for apart in [0.7, 1.0, 1.5] {
@@ -130,7 +125,7 @@ fn of_two_pulses_that_overlap_each_is_found_where_it_is() {
 }
 
 #[test]
-fn the_strongest_of_two_is_kept_however_well_the_weaker_is_seen() {
+fn the_stronger_of_two_is_kept_even_when_both_are_clear() {
     let bench = Bench::new(&at_rate(794), Hardware::REFERENCE);
     let mut rng = vectors::rng(11);
     for (near, far) in [(1_000.0, 1_500.0), (1.5 * 4_095.0, 4.0 * 4_095.0)] {
@@ -144,7 +139,7 @@ fn the_strongest_of_two_is_kept_however_well_the_weaker_is_seen() {
 }
 
 #[test]
-fn noise_alone_yields_no_more_than_the_threshold_lets_through() {
+fn noise_alone_gives_the_false_alarms_of_the_threshold() {
     let bench = Bench::new(&at_rate(794), WHITE);
     let mut rng = vectors::rng(10);
     let found: usize = (0..2_000).map(|_| bench.see(&noise(&mut rng, 794, 200.0, 8.0)).len()).sum();
@@ -152,7 +147,7 @@ fn noise_alone_yields_no_more_than_the_threshold_lets_through() {
     assert!(found <= 6, "{found} of 2,000 waveforms");
 }
 
-/// Echoes of walls of one albedo, a beam each, by a sensor in process.
+/// Echoes of walls of one albedo, one a beam, from a sensor in process.
 fn scan(settings: &Settings, ranges_m: &[f64], ideal: bool) -> Vec<Vec<Echo>> {
     let beams = ranges_m.len() as u32;
     let returns = ranges_m.iter().map(|&range_m| wall(0.3, range_m)).collect();
@@ -169,10 +164,10 @@ fn scan(settings: &Settings, ranges_m: &[f64], ideal: bool) -> Vec<Vec<Echo>> {
 }
 
 #[test]
-fn in_the_program_s_place_it_has_the_same_echoes_by_every_way_to_shoot() {
+fn in_place_of_the_program_it_finds_the_same_echoes_with_every_kind_of_shots() {
     let ranges_m: Vec<f64> = (0..256).map(|i| f64::from(17.0 + 0.2117 * i as f32)).collect();
-    // From 17 m on. Nearer a wall of this albedo is clipped until hardly a sample of its edges is
-    // left, and how its time is best guessed hangs on which amplitudes are expected.
+    // From 17 m on. A nearer wall of this albedo is clipped until its edges have hardly a sample,
+    // and the best estimate of its time depends on the expected amplitudes.
     let usual = Settings { timing: TimingMethod::WalkCorrected.code(), ..Settings::default() };
     let dither = Dither::On.code();
     for settings in [
@@ -196,14 +191,14 @@ fn in_the_program_s_place_it_has_the_same_echoes_by_every_way_to_shoot() {
             let clipped = one.flags.contains(Flags::SATURATED);
             assert!(clipped || (ratio - 1.0).abs() < 0.1, "{range_m} m: {one:?} {other:?}");
         }
-        let [program, ideal] = errors.map(|errors| mean_and_spread(&errors));
+        let [program, ideal] = errors.map(|errors| mean_and_deviation(&errors));
         assert!(ideal.0.abs() < 1.0 + 4.0 * ideal.1 / 16.0, "biased: {ideal:?} mm, {settings:?}");
         assert!(ideal.1 < program.1, "{ideal:?} for {program:?} mm, {settings:?}");
     }
 }
 
 #[test]
-fn over_the_ranges_it_errs_less_than_the_program_but_where_all_edges_are_clipped() {
+fn it_errs_less_than_the_program_except_where_all_edges_are_clipped() {
     let usual = Settings { timing: TimingMethod::WalkCorrected.code(), ..Settings::default() };
     for (from_m, to_m) in [(8.0, 16.0), (16.0, 24.0), (24.0, 40.0), (40.0, 60.0), (60.0, 100.0)] {
         let place = |i: u16| from_m + (to_m - from_m) * f32::from(i) / 1_000.0;
@@ -216,7 +211,7 @@ fn over_the_ranges_it_errs_less_than_the_program_but_where_all_edges_are_clipped
             };
             let errors: Vec<f64> = pairs.filter_map(error).collect();
             assert_eq!(errors.len(), 1_000, "each wall is found");
-            mean_and_spread(&errors).1
+            mean_and_deviation(&errors).1
         };
         let [program, ideal] = [false, true].map(of);
         println!("{from_m} to {to_m} m: program {program:.2} mm, ideal {ideal:.2} mm");

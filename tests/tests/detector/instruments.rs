@@ -1,13 +1,12 @@
-//! Recordings of instruments drawn at random: what the response that they show themselves is worth,
-//! beside plain local maxima.
+//! Recordings of random instruments: detection with the response estimated from the recording,
+//! without it, and by local maxima.
 //!
 //! ```sh
 //! ECHOLOOP_INSTRUMENTS=3000..3040 cargo test -p echoloop-tests --release --test detector \
 //!     instruments:: -- --nocapture
 //! ```
 //!
-//! prints the tables of benches/record/waveforms.md. Seeds below 100 were looked at while the
-//! constants were chosen.
+//! prints the tables of benches/record/waveforms.md. Seeds below 100 were used to choose the constants.
 
 use std::ops::Range;
 
@@ -15,17 +14,17 @@ use echoloop_instruments::response::LEAST_ECHOES;
 use echoloop_instruments::{Finder, Options, Response};
 use echoloop_tests::instruments::{Instrument, KINDS, Kind, LocalMaxima, Record, Score};
 
-/// Records of an instrument, in the test and in the long version.
+/// Records per instrument, in the test and in the long version.
 const RECORDS: [u64; 2] = [80, 200];
 
-/// Instruments of the test.
+/// Seeds of the test's instruments.
 const SEEDS: Range<u64> = 600..604;
 
 fn options(max_echoes: usize) -> Options {
     Options { sample_ns: 1.0, snr: 5.0, floor: 0.05, max_echoes, min_separation_ns: 0.0 }
 }
 
-/// Set to the best harmonic mean of recall and precision on the seeds below 12.
+/// Settings with the best harmonic mean of recall and precision on the seeds below 12.
 fn local_maxima(kind: Kind) -> LocalMaxima {
     match kind {
         Kind::Airborne => LocalMaxima { smoothing: 0.0, share: 0.15 },
@@ -61,7 +60,7 @@ impl Recording {
         self.score(found.iter().map(|w| w.echoes.iter().map(|echo| echo.time_ns).collect()))
     }
 
-    /// With the response that they show, without one, by local maxima.
+    /// Scores with the estimated response, without it, and of local maxima.
     fn scores(&self, kind: Kind) -> [Score; 3] {
         let response = Response::of_waveforms(&self.rows, LEAST_ECHOES);
         let response = response.expect("strong echoes enough");
@@ -71,7 +70,7 @@ impl Recording {
     }
 }
 
-/// Mean over instruments, and what it may be off by at 95 %.
+/// Mean over instruments, and half of its 95 % interval.
 fn mean(scores: &[Score], of: impl Fn(&Score) -> f64) -> (f64, f64) {
     let values: Vec<f64> = scores.iter().map(of).collect();
     let n = values.len() as f64;
@@ -90,7 +89,7 @@ fn row(name: &str, scores: &[Score]) {
     );
 }
 
-/// The instruments asked for, and records of each.
+/// Seeds of the instruments asked for, and records per instrument.
 fn asked() -> (Range<u64>, u64) {
     let range = std::env::var("ECHOLOOP_INSTRUMENTS").ok().map(|text| {
         let (first, end) = text.split_once("..").expect("two seeds, as 1000..1040");
@@ -121,10 +120,10 @@ fn the_response_halves_extra_echoes_keeps_single_ones_single_and_loses_none() {
     }
 }
 
-/// Rows of short recordings.
+/// Numbers of rows of short recordings.
 const SHORT: [u64; 3] = [20, 28, 36];
 
-/// All records in one score.
+/// Sum of several scores.
 fn together(scores: &[Score]) -> Score {
     let mut sum = Score::default();
     for score in scores {
@@ -168,7 +167,7 @@ fn a_response_of_sixteen_echoes_or_more_is_better_than_none() {
 }
 
 #[test]
-fn what_the_response_tells_is_what_the_instrument_was_made_with() {
+fn the_estimated_response_has_the_width_and_bumps_of_the_instrument() {
     let mut told = 0;
     for seed in SEEDS.start..SEEDS.start + 12 {
         let instrument = Instrument::drawn(Kind::Airborne, seed);

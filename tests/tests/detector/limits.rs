@@ -1,7 +1,7 @@
-//! The physical limits that the sensor is held to: benches/record/physics.md §4 as tests.
+//! Physical limits of the detector: benches/record/physics.md §4 as tests.
 //!
-//! Every figure is a seeded Monte Carlo, so it is the same in every run; "confidence" is three
-//! standard errors of what is measured unless said otherwise. Comments give what the code reaches.
+//! Every figure is a seeded Monte Carlo. "Confidence" is three standard errors unless said
+//! otherwise. Comments give the figures reached.
 
 use std::f64::consts::PI;
 
@@ -12,8 +12,9 @@ use echoloop_frontend::{Return, SceneResponse};
 use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sensors::client::{Client, RetryPolicy};
 use echoloop_sensors::transport::InProcess;
+use echoloop_tests::moments::{mean, mean_and_deviation};
 use echoloop_tests::vectors::{self, add_echo, digitise, noise};
-use echoloop_tests::wall::{MM_PER_NS, Sensor};
+use echoloop_tests::wall::{MM_PER_NS, Sensor, wall};
 use rand::RngExt;
 
 const HALF_GS: i32 = 397;
@@ -21,21 +22,16 @@ const ONE_GS: i32 = 794;
 const TWO_GS: i32 = 1588;
 const THREE_GS: i32 = 2382;
 
-/// White noise only, as the Cramér–Rao bound has it.
+/// Hardware with white noise only, as the Cramér–Rao bound assumes.
 const WHITE: Hardware = Hardware { shot_noise_ppm: 0, ..Hardware::REFERENCE };
 
 fn at_rate(bins: i32) -> Settings {
     Settings { bins, noise_floor_ppm: 100, ..Settings::default() }
 }
 
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
-/// Around the mean.
+/// Standard deviation about the mean.
 fn spread(values: &[f64]) -> f64 {
-    let mean = mean(values);
-    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+    mean_and_deviation(values).1
 }
 
 /// Three standard errors of a spread, as a fraction of it.
@@ -48,12 +44,12 @@ fn q(x: f64) -> f64 {
     0.5 * libm::erfc(x / 2f64.sqrt())
 }
 
-/// Echoes of white noise with a pulse in it.
+/// A detector for waveforms of a pulse in white noise.
 struct Bench {
     hardware: Hardware,
     pipeline: Pipeline,
     scratch: Scratch,
-    /// W f_s.
+    /// Pulse width W f_s, samples.
     width: f64,
     mm_per_sample: f64,
 }
@@ -82,13 +78,13 @@ impl Bench {
         .to_vec()
     }
 
-    /// Range error when the pulse's middle lies at a sample.
+    /// Range error of an echo whose pulse is centred at a sample.
     fn error_mm(&self, echo: &Echo, at: f64) -> f64 {
         echo.range_m() * 1e3 - f64::from(self.hardware.range_min_mm) - at * self.mm_per_sample
     }
 
-    /// Errors of a pulse of amplitude `snr · sigma` (codes) in noise of `sigma`, at random phases;
-    /// every one is found.
+    /// Range errors of pulses of amplitude `snr · sigma` (codes) in noise of `sigma`, at random
+    /// phases; all are found.
     fn errors(&mut self, snr: f64, sigma: f64, runs: usize) -> Vec<f64> {
         let mut rng = vectors::rng(1);
         let mut error = || {
@@ -102,7 +98,7 @@ impl Bench {
         (0..runs).map(|_| error()).collect()
     }
 
-    /// The Cramér–Rao bound of white noise: (cτ/π) / (S √(f_s τ)).
+    /// Cramér–Rao bound in white noise: (cτ/π) / (S √(f_s τ)).
     fn bound_mm(&self, snr: f64) -> f64 {
         2.0 * self.mm_per_sample * self.width / PI / (snr * self.width.sqrt())
     }
@@ -136,7 +132,7 @@ fn the_range_spread_lies_on_the_cramer_rao_bound() {
 }
 
 #[test]
-fn the_bound_itself_has_the_figures_of_the_physics() {
+fn the_bound_has_the_figures_of_the_physics() {
     let bench = Bench::new(&at_rate(ONE_GS), WHITE);
     for (snr, expected_mm) in [(5.0, 42.7), (10.0, 21.3), (20.0, 10.7), (50.0, 4.27)] {
         assert!(
@@ -147,7 +143,7 @@ fn the_bound_itself_has_the_figures_of_the_physics() {
     }
 }
 
-/// Mean error at each of 32 phases, and the greatest half width that σ_R leaves it.
+/// Mean error and mean σ_R at each of 32 phases.
 fn by_phase(sensor: &mut Sensor, albedo: f64, range_m: f64, count: u32) -> Vec<(f64, f64)> {
     let mut at = |phase: u32| {
         let seen = sensor.at_phase(albedo, range_m, f64::from(phase) / 32.0, count);
@@ -162,9 +158,9 @@ fn by_phase(sensor: &mut Sensor, albedo: f64, range_m: f64, count: u32) -> Vec<(
 
 #[test]
 fn range_does_not_walk_with_albedo_at_any_phase_while_the_edges_show() {
-    // 60 m: albedo 0.02 is an echo of a twelfth of full scale, 50 of two hundred times it. Reached:
-    // below 1.5 mm wherever both edges of the clipped pulse fall on samples, which at A/S they do
-    // while a sample period is shorter than an edge.
+    // At 60 m, albedo 0.02 is an echo of a twelfth of full scale, 50 one of two hundred times full
+    // scale. Reached: below 1.5 mm as long as both edges of the clipped pulse have samples, which
+    // they do while a sample period is shorter than an edge.
     let cases = [(HALF_GS, 0.5), (ONE_GS, 2.0), (TWO_GS, 5.0), (THREE_GS, 20.0)];
     for (bins, up_to) in cases {
         let mut sensor = Sensor::new(at_rate(bins));
@@ -186,10 +182,9 @@ fn range_does_not_walk_with_albedo_at_any_phase_while_the_edges_show() {
 }
 
 #[test]
-fn deeper_in_saturation_the_mean_stays_and_sigma_tells_what_a_phase_hides() {
-    // Where an edge falls between two samples, one dark and the next clipped, no sample says where:
-    // only the mean over phases can be free of bias, and what a phase is off by is told by the σ
-    // that its echoes report.
+fn deep_in_saturation_the_mean_over_phases_is_unbiased_and_sigma_covers_each_phase() {
+    // When an edge falls between two samples, one dark and the next clipped, no sample shows where.
+    // Then only the mean over phases can be unbiased, and σ must cover the error of each phase.
     for bins in [HALF_GS, ONE_GS, TWO_GS, THREE_GS] {
         let mut sensor = Sensor::new(at_rate(bins));
         for albedo in [5.0, 20.0, 50.0] {
@@ -209,12 +204,12 @@ fn deeper_in_saturation_the_mean_stays_and_sigma_tells_what_a_phase_hides() {
 
 #[test]
 fn sigma_r_is_honest_from_the_threshold_to_ten_times_full_scale() {
-    // Spread of error over σ_R; 1 is honest. Reached: 0.96 to 1.04.
+    // Rms of the error relative to σ_R; 1 is honest. Reached: 0.96 to 1.04.
     for bins in [HALF_GS, ONE_GS, TWO_GS, THREE_GS] {
         let mut sensor = Sensor::new(at_rate(bins));
         for albedo in [0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 2.0] {
             if bins == HALF_GS && albedo > 0.6 {
-                continue; // the edge falls between samples: an interval, not a spread
+                continue; // the edge falls between samples
             }
             let normalised: Vec<f64> = (0..3_000)
                 .filter_map(|beam| {
@@ -231,7 +226,7 @@ fn sigma_r_is_honest_from_the_threshold_to_ten_times_full_scale() {
 
 #[test]
 fn sigma_r_is_honest_for_other_filters_and_methods() {
-    // With a Gaussian filter, and for a constant fraction, from 5 samples a width on.
+    // With a Gaussian filter, and for a constant fraction, from 5 samples per pulse width on.
     for (denoise, timing) in [
         (DenoiseFilter::Gaussian.code(), TimingMethod::WalkCorrected.code()),
         (DenoiseFilter::Gaussian.code(), TimingMethod::Parabola.code()),
@@ -260,8 +255,8 @@ fn sigma_r_is_honest_for_other_filters_and_methods() {
 
 #[test]
 fn a_rising_edge_walks_as_the_physics_says_and_a_constant_fraction_does_not() {
-    // (cτ/π) asin √(T/A): 0.702 m at A/T = 1.01, 0.154 at 10, 0.048 at 100. Without noise or
-    // filter.
+    // Without noise or filter, (cτ/π) asin √(T/A): 0.702 m at A/T = 1.01, 0.154 at 10, 0.048 at
+    // 100.
     let threshold = 0.01;
     let quiet = |timing, amplitude: f64| {
         let settings = Settings {
@@ -286,8 +281,8 @@ fn a_rising_edge_walks_as_the_physics_says_and_a_constant_fraction_does_not() {
 
 #[test]
 fn detection_follows_the_theory_of_the_matched_filter() {
-    // P_D = Q(k − d′), d′ = S √(¾ f_s τ). Noise moves the top to a higher sample, so a little more
-    // is found.
+    // P_D = Q(k − d′), d′ = S √(¾ f_s τ). Noise moves the top to a higher sample, so slightly more
+    // echoes are found.
     const RUNS: u32 = 3_000;
     for bins in [HALF_GS, ONE_GS, THREE_GS] {
         let mut bench =
@@ -340,9 +335,9 @@ fn false_alarms_follow_the_theory_when_sigma_is_measured_from_the_same_window() 
 }
 
 #[test]
-fn quantisation_costs_what_the_table_says() {
-    // S = 10 at 1 GS/s: 8 bits suffice from 5 % of full scale on; at 0.5 % they cost a factor of
-    // two, 12 bits nothing.
+fn quantisation_widens_the_spread_as_in_the_table() {
+    // S = 10 at 1 GS/s: 8 bits suffice from 5 % of full scale on; at 0.5 % they double the spread,
+    // and 12 bits do not.
     for (adc_bits, share, expected_mm) in
         [(8, 0.05, 21.6), (12, 0.05, 21.3), (8, 0.005, 45.8), (12, 0.005, 21.7)]
     {
@@ -364,7 +359,7 @@ fn quantisation_costs_what_the_table_says() {
         };
         assert!(errors.len() > 5_800, "{adc_bits} bits, {share}: {} found", errors.len());
         let spread = spread(&errors);
-        // with σ = 0.13 code the ambient's fraction rules
+        // At σ = 0.13 code, the fraction of the ambient's code dominates.
         let within = if adc_bits == 8 && share < 0.01 { 0.25 } else { 0.05 };
         assert!(
             (spread / expected_mm - 1.0).abs() < within,
@@ -374,8 +369,8 @@ fn quantisation_costs_what_the_table_says() {
 }
 
 #[test]
-fn reflectivity_is_that_of_the_wall_from_its_amplitude_and_clipped_from_its_edges() {
-    // (albedo, range, relative error of the mean, and of a single echo)
+fn reflectivity_of_whole_and_clipped_echoes_is_that_of_the_wall() {
+    // (albedo, range, bound of the mean's relative error, bound of the relative spread)
     let mut sensor = Sensor::new(at_rate(TWO_GS));
     for (albedo, range_m, bias, single) in [
         (0.1, 90.0, 0.02, 0.08),
@@ -418,17 +413,14 @@ fn reflectivity_does_not_depend_on_power_gain_width_or_rate() {
     }
 }
 
-/// What a client of a sensor that looks at one wall hears of it, `beams` times.
+/// Echoes of a wall seen by `beams` beams over the link, with their range errors, mm.
 fn through_the_link(
     settings: &Settings,
     albedo: f64,
     range_m: f64,
     beams: u32,
 ) -> Vec<(Echo, f64)> {
-    let wall = Return {
-        range_m: range_m as f32,
-        strength_per_m2: (albedo / PI / range_m / range_m) as f32,
-    };
+    let wall = wall(albedo, range_m);
     let scene = SceneResponse { beams: (0..=beams).collect(), returns: vec![wall; beams as usize] };
     let pattern = echoloop_dsp::ScanPattern::Grid(echoloop_dsp::Grid {
         columns: beams as u16,
@@ -445,7 +437,7 @@ fn through_the_link(
 }
 
 #[test]
-fn shots_that_are_added_up_sharpen_range_and_threshold_by_their_root() {
+fn averaged_shots_improve_range_and_snr_by_the_root_of_their_number() {
     let of = |shots| {
         let seen = through_the_link(&Settings { shots, ..at_rate(ONE_GS) }, 0.01, 60.0, 1_500);
         let errors: Vec<f64> = seen.iter().map(|(_, error)| *error).collect();
@@ -472,8 +464,8 @@ fn shots_that_are_added_up_sharpen_range_and_threshold_by_their_root() {
 
 #[test]
 fn filters_rank_by_their_gain_in_signal_over_noise() {
-    // The matched filter gains √(¾ f_s τ) = 1.94 at 5 samples a width; the Gaussian, half as wide,
-    // 1.75; none 1.
+    // The matched filter gains √(¾ f_s τ) = 1.94 at 5 samples per width; the Gaussian, half as
+    // wide, 1.75; no filter, 1.
     let of = |denoise| {
         let seen = through_the_link(&Settings { denoise, ..at_rate(ONE_GS) }, 0.05, 60.0, 800);
         mean(&seen.iter().map(|(echo, _)| echo.snr_ratio().to_num()).collect::<Vec<_>>())
@@ -483,14 +475,14 @@ fn filters_rank_by_their_gain_in_signal_over_noise() {
         of(DenoiseFilter::Gaussian.code()),
         of(DenoiseFilter::Matched.code()),
     );
-    // a top of bare noise is a little higher
+    // Without a filter, noise makes the top slightly higher.
     assert!((matched / none / 1.94 - 1.0).abs() < 0.08, "{matched} over {none}");
     assert!((gaussian / none / 1.75 - 1.0).abs() < 0.08, "{gaussian} over {none}");
 }
 
 #[test]
-fn the_pre_trigger_ambient_holds_where_half_of_the_window_is_light() {
-    // A haze that fills 55 % of the window lifts the median; before the trigger there is none.
+fn the_pre_trigger_ambient_is_right_when_half_of_the_window_is_light() {
+    // Haze in 55 % of the window raises the median; before the trigger there is none.
     let amplitude = |ambient: i32| {
         let settings = Settings { ambient, ..at_rate(ONE_GS) };
         let mut bench = Bench::new(&settings, Hardware::REFERENCE);
@@ -514,8 +506,8 @@ fn the_pre_trigger_ambient_holds_where_half_of_the_window_is_light() {
         amplitude(AmbientEstimator::None.code()),
     );
     assert!((before - 1_000.0).abs() < 20.0, "before the trigger: {before}");
-    // What lies below the baseline passes the filter whole, the pulse by three quarters: 1000 ±
-    // level · 4/3.
+    // The filter passes an offset of the baseline whole and the pulse by three quarters, so the
+    // amplitude is off by offset · 4/3.
     assert!((median - 600.0).abs() < 20.0, "the median takes the haze for ambient: {median}");
     assert!(
         (none - 1_267.0).abs() < 20.0,
@@ -524,7 +516,7 @@ fn the_pre_trigger_ambient_holds_where_half_of_the_window_is_light() {
 }
 
 #[test]
-fn through_the_link_the_pre_trigger_samples_are_dark_even_before_a_near_wall() {
+fn pre_trigger_samples_are_dark_even_in_front_of_a_near_wall() {
     for range_m in [3.0, 60.0] {
         let settings = Settings { ambient: AmbientEstimator::PreTrigger.code(), ..at_rate(ONE_GS) };
         let seen = through_the_link(&settings, 0.1, range_m, 200);
@@ -536,8 +528,8 @@ fn through_the_link_the_pre_trigger_samples_are_dark_even_before_a_near_wall() {
 
 #[test]
 fn equal_echoes_split_where_a_matched_filter_can_split_them() {
-    // ΔR = 1.14 · cτ/2 = 0.854 m: from there on two, each near where it is and told to overlap;
-    // well within it one.
+    // ΔR = 1.14 · cτ/2 = 0.854 m. From there on two echoes, each near its place and flagged as
+    // merged; well below it one.
     const RUNS: usize = 200;
     let near_mm = 1.14 * MM_PER_NS * 5.0;
     for bins in [HALF_GS, ONE_GS, 800, TWO_GS] {
@@ -570,7 +562,7 @@ fn equal_echoes_split_where_a_matched_filter_can_split_them() {
                 assert!(two < RUNS / 20, "{case}");
             } else {
                 assert!(two > RUNS * 95 / 100, "{case}");
-                // 100 and 64 at 1.2 of the limit
+                // Reached at 1.2 of the limit: 100 and 64.
                 let beside_mm = if bins == HALF_GS { 150.0 } else { 90.0 };
                 assert!(mean(&errors) < beside_mm, "{case}, {} mm beside the truth", mean(&errors));
             }
@@ -584,11 +576,9 @@ fn a_bright_or_clipped_wall_is_one_echo_however_many_are_asked_for() {
         let mut sensor = Sensor::new(Settings { echoes: 4, ..at_rate(bins) });
         for albedo in [0.05, 0.2, 1.0, 20.0, 300.0, 3_000.0] {
             for beam in 0..200 {
-                let wall =
-                    Return { range_m: 60.0, strength_per_m2: (albedo / PI / 3_600.0) as f32 };
-                sensor.expose(wall, beam);
+                sensor.expose(wall(albedo, 60.0), beam);
                 let echoes = sensor.echoes();
-                // one in 800 ns is noise
+                // Noise may give another one in the window of 800 ns.
                 let near = echoes.iter().filter(|echo| (echo.range_m() - 60.0).abs() < 5.0);
                 assert_eq!(near.count(), 1, "{bins} bins, albedo {albedo}, beam {beam}");
             }
@@ -597,7 +587,7 @@ fn a_bright_or_clipped_wall_is_one_echo_however_many_are_asked_for() {
 }
 
 #[test]
-fn what_the_window_cuts_off_and_what_walks_has_no_sigma() {
+fn echoes_that_walk_or_are_cut_off_by_the_window_have_no_sigma() {
     let mut sensor =
         Sensor::new(Settings { timing: TimingMethod::Parabola.code(), ..at_rate(ONE_GS) });
     let (echo, _) = sensor.see(5.0, 60.0, 0).expect("an echo");
@@ -610,8 +600,7 @@ fn what_the_window_cuts_off_and_what_walks_has_no_sigma() {
 
 #[test]
 fn a_slanted_surface_is_one_echo_however_many_are_asked_for() {
-    // A footprint that spreads over a metre: one broad echo, not several, and its middle is its
-    // range.
+    // A footprint spread over up to a metre is one broad echo whose range is its middle.
     let settings = Settings { echoes: 4, ..at_rate(TWO_GS) };
     let mut bench = Bench::new(&settings, WHITE);
     let mut rng = vectors::rng(6);
@@ -632,7 +621,7 @@ fn a_slanted_surface_is_one_echo_however_many_are_asked_for() {
     }
 }
 
-/// Windows of `of` in which the sensor finds an echo, with no light but of this irradiance.
+/// Number of windows, of `of`, with a false alarm at this irradiance.
 fn alarms(irradiance_w_m2_nm: f64, black_level_ppm: i32, bins: i32, of: u32) -> f64 {
     let mut sensor =
         Sensor::new(Settings { snr_threshold_milli: 4_000, black_level_ppm, ..at_rate(bins) });
@@ -648,7 +637,8 @@ fn alarms(irradiance_w_m2_nm: f64, black_level_ppm: i32, bins: i32, of: u32) -> 
 
 #[test]
 fn with_a_black_level_false_alarms_in_the_dark_are_those_of_the_theory() {
-    // As above, 800 ns at k = 4; the noise of the dark is 6.7 codes, the black level 41.
+    // Rates per 800 ns at k = 4, as above. The noise without light is 6.7 codes, the black level
+    // 41.
     const WINDOWS: u32 = 20_000;
     for (bins, known_sigma) in [(HALF_GS, 0.0106), (ONE_GS, 0.0133), (THREE_GS, 0.0167)] {
         let expected = known_sigma * libm::exp(128.0 * 1.167f64.powi(2) / f64::from(bins));
@@ -662,12 +652,12 @@ fn with_a_black_level_false_alarms_in_the_dark_are_those_of_the_theory() {
             );
         }
     }
-    // Without one, half of the noise is clipped and σ̂ is too low.
+    // Without a black level, half of the noise is clipped and σ̂ is too low.
     assert!(alarms(0.0, 0, ONE_GS, 1_000) > 100.0);
 }
 
 #[test]
-fn a_black_level_changes_no_range_and_leaves_less_room_above() {
+fn a_black_level_changes_no_range_and_raises_the_codes() {
     let see = |black_level_ppm, albedo| {
         let mut sensor = Sensor::new(Settings { black_level_ppm, ..at_rate(ONE_GS) });
         let (echo, error_mm) = sensor.see(albedo, 60.0, 3).expect("an echo");
@@ -681,7 +671,7 @@ fn a_black_level_changes_no_range_and_leaves_less_room_above() {
     assert!(clipped.flags.contains(Flags::SATURATED) && clipped_mm.abs() < 10.0, "{clipped_mm} mm");
 }
 
-/// The greatest mean error over 64 sub-sample phases, mm.
+/// Largest mean error over 64 sub-sample phases, mm.
 fn worst_bias_mm(sensor: &mut Sensor, albedo: f64) -> f64 {
     let mut bias = |phase: u32| {
         let range_m = sensor.at(60.0, f64::from(phase) / 64.0);

@@ -1,5 +1,5 @@
-//! The detector, on a PC: its bit-true models, its physics, instruments drawn at random. One
-//! program, for cargo links each file of its own with everything we have. One file alone:
+//! Tests of the detector on a PC: bit-true models, physics, random instruments. They are one
+//! program, because cargo links each test file with all dependencies. To run one file:
 //! `cargo test -p echoloop-tests --test detector limits::`.
 #![allow(clippy::unwrap_used, reason = "tests")]
 

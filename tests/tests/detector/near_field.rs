@@ -1,33 +1,36 @@
-//! Close to the sensor: a gain that rises with range, and an overlap of emitter and receiver that
-//! is set. Comments give what the code reaches.
+//! Near field: a gain that rises with range, and the overlap of emitter and receiver. Comments give
+//! the figures reached.
 
 use echoloop_dsp::choice::TimingMethod;
 use echoloop_dsp::{Echo, Flags, Hardware, Settings};
 use echoloop_tests::wall::Sensor;
 
-/// 1 GS/s, with a gain that rises by so much, 0.001 dB/m, up to a range, mm.
+/// Settings at 1 GS/s with a gain that rises by a slope, 0.001 dB/m, up to a range, mm.
 fn rising(gain_slope_mdb_m: i32, gain_range_mm: i32) -> Settings {
     Settings { bins: 794, gain_slope_mdb_m, gain_range_mm, ..Settings::default() }
 }
 
-/// Mean and spread of some errors, mm; the root mean square of the σ that was told; mean
-/// reflectivity; how many were clipped.
+/// Summary of some echoes.
 #[derive(Debug)]
 struct Seen {
     bias_mm: f64,
     spread_mm: f64,
+    /// Root mean square of the echoes' σ.
     told_mm: f64,
+    /// Mean reflectivity.
     reflectivity: f64,
+    /// Number of clipped echoes.
     clipped: usize,
+    /// Number of echoes.
     of: usize,
 }
 
-/// 320 echoes of a wall, at 16 sub-sample phases.
+/// Summary of 320 echoes of a wall, at 16 sub-sample phases.
 fn look(settings: Settings, albedo: f64, range_m: f64) -> Seen {
     summary(&see_all(settings, albedo, range_m))
 }
 
-/// The same by phase.
+/// As [`look`], by phase.
 fn look_by_phase(settings: Settings, albedo: f64, range_m: f64) -> Vec<Seen> {
     let seen = see_all(settings, albedo, range_m);
     let of_phase = |phase: usize| seen.iter().skip(phase).step_by(16).copied().collect::<Vec<_>>();
@@ -58,13 +61,13 @@ fn summary(seen: &[(Echo, f64)]) -> Seen {
     }
 }
 
-/// Before the ramp's end, across it and behind it.
+/// Ranges before the ramp's end, across it and behind it.
 const RANGES_M: [f64; 10] = [3.0, 6.0, 10.0, 11.5, 12.0, 12.5, 20.0, 30.0, 39.7, 40.2];
 
 #[test]
-fn a_gain_that_rises_shifts_no_echo_however_steep_it_is() {
-    // Behind a matched filter 1 dB/m shifts the 5 ns pulse by 9.8 mm, an edge of a clipped one by
-    // up to 13. Reached: 0.9 mm, of which 0.5 are the noise of the mean.
+fn a_rising_gain_shifts_no_echo_at_any_slope() {
+    // Uncorrected, 1 dB/m would shift the 5 ns pulse behind a matched filter by 9.8 mm, and an edge
+    // of a clipped one by up to 13. Reached: 0.9 mm, of which 0.5 are the noise of the mean.
     for (slope, range_mm) in [(300, 40_000), (1_000, 12_000), (1_000, 40_000)] {
         for albedo in [0.02, 0.1, 0.5, 2.0] {
             for range_m in RANGES_M {
@@ -80,9 +83,9 @@ fn a_gain_that_rises_shifts_no_echo_however_steep_it_is() {
 }
 
 #[test]
-fn no_timing_method_and_no_width_of_pulse_is_shifted_where_nothing_clips() {
-    // 1 dB/m shifts the top of a 20 ns pulse by 156 mm, three samples of 3 GS/s. A range is timed
-    // at its worst phase.
+fn a_rising_gain_shifts_no_whole_echo_for_any_method_and_pulse_width() {
+    // Uncorrected, 1 dB/m would shift the top of a 20 ns pulse by 156 mm, three samples at 3 GS/s.
+    // Every phase is checked alone.
     for timing in [TimingMethod::Parabola, TimingMethod::ConstantFraction] {
         for (pulse_width_ps, bins) in
             [(2_000, 2_400), (5_000, 794), (12_000, 2_400), (20_000, 1_588), (20_000, 2_400)]
@@ -108,7 +111,7 @@ fn no_timing_method_and_no_width_of_pulse_is_shifted_where_nothing_clips() {
 }
 
 #[test]
-fn a_rising_edge_walks_by_no_more_than_it_does_at_the_same_gain_everywhere() {
+fn a_rising_edge_walks_as_much_as_at_a_constant_gain() {
     // At 10 m of 1 dB/m to 40 m the gain is 30 dB down.
     let edge = |gain_cdb, settings: Settings| Settings {
         timing: TimingMethod::RisingEdge.code(),
@@ -122,7 +125,7 @@ fn a_rising_edge_walks_by_no_more_than_it_does_at_the_same_gain_everywhere() {
 }
 
 #[test]
-fn dithered_shots_of_a_rising_gain_keep_time_sigma_and_reflectivity() {
+fn dithered_shots_with_a_rising_gain_keep_range_sigma_and_reflectivity() {
     for shots in [4, 16] {
         let settings = Settings { shots, dither: 1, ..rising(1_000, 40_000) };
         for (albedo, range_m) in [(0.5, 10.0), (2.0, 6.0), (0.1, 6.0), (0.02, 12.0)] {
@@ -185,11 +188,11 @@ fn a_ramp_that_ends_beyond_the_middle_of_the_window_is_refused_with_its_field() 
          to 0)"
     );
     rising(500, 25_000).check(&short).unwrap();
-    rising(0, 40_000).check(&short).unwrap(); // which has no ramp
+    rising(0, 40_000).check(&short).unwrap(); // no ramp
 }
 
 #[test]
-fn a_wall_in_the_overlap_shows_less_and_has_its_reflectivity_all_the_same() {
+fn a_wall_in_partial_overlap_is_weaker_and_keeps_its_reflectivity() {
     let overlap = |overlap_mm| Settings { overlap_mm, noise_floor_ppm: 500, ..rising(0, 40_000) };
     let look_at = |overlap_mm, range_m| {
         let mut sensor = Sensor::new(overlap(overlap_mm));
@@ -205,13 +208,13 @@ fn a_wall_in_the_overlap_shows_less_and_has_its_reflectivity_all_the_same() {
     for seen in [all, half, look_at(20_000, 20.5)] {
         assert!((mean(&seen, reflectivity) / 0.002 - 1.0).abs() < 0.1, "in steps of 1/1024");
     }
-    // Bright ones, too: of white and of a sign half is seen at 19 m.
+    // Bright surfaces, too: at 19 m, half of the light is received.
     for albedo in [1.0, 3.0] {
         let mut sensor =
             Sensor::new(Settings { gain_cdb: -1_000, power_uw: 5_000_000, ..overlap(20_000) });
         let seen: Vec<_> = (0..40).filter_map(|beam| sensor.see(albedo, 19.0, beam)).collect();
         assert!((mean(&seen, reflectivity) / albedo - 1.0).abs() < 0.05, "{albedo}");
     }
-    // Below nine tenths of it the receiver is blind; a false alarm may lie anywhere.
+    // Below nine tenths of the overlap range, the receiver is blind; a false alarm may be anywhere.
     assert!(look_at(20_000, 17.9).iter().all(|(_, error_mm)| error_mm.abs() > 1e3));
 }

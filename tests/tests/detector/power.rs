@@ -1,4 +1,4 @@
-//! Where light ends: the range of the laser's power goes down to where nothing is detected.
+//! Least power: the bounds of the laser's power reach down to where nothing is detected.
 //!
 //! `cargo test -p echoloop-tests --test detector power:: -- --nocapture` prints the table of
 //! benches/record/detector.md.
@@ -15,7 +15,8 @@ const KINDS: [&str; 3] = ["structured", "semi-structured", "unstructured"];
 const BEAMS: usize = 48 * 16;
 const POWERS_UW: [i32; 6] = [75_000_000, 5_000_000, 100_000, 1_000, 100, 10];
 
-/// The default, and what sees farthest: the longest pulse, all shots, and a floor below the noise.
+/// The default settings, and those that see farthest: the longest pulse, all shots, and a floor
+/// below the noise.
 fn settings() -> [(&'static str, Settings); 2] {
     let strongest = Settings {
         pulse_width_ps: 20_000,
@@ -43,7 +44,7 @@ fn town(kind: &str) -> (Dataset, Sensors) {
     (dataset, Sensors::in_process(Model::from(&config)))
 }
 
-/// Echoes of a scan of each first viewpoint; `dark`: of a world that sends nothing back.
+/// Number of echoes in a scan from each pair's first viewpoint; `dark`: of a scene without returns.
 fn echoes(sensors: &Sensors, pairs: &[ScanPair], settings: &Settings, dark: bool) -> usize {
     let nothing = Arc::new(SceneResponse { beams: vec![0; BEAMS + 1], returns: Vec::new() });
     let scan = |pair: &ScanPair| {
@@ -59,7 +60,7 @@ fn echoes(sensors: &Sensors, pairs: &[ScanPair], settings: &Settings, dark: bool
 }
 
 #[test]
-fn at_the_least_power_nothing_is_detected_in_any_kind_of_scene_by_any_settings() {
+fn at_the_least_power_nothing_is_detected_in_any_kind_of_scene() {
     let least_uw = ParameterId::Power.parameter().min;
     for kind in KINDS {
         let (dataset, sensors) = town(kind);

@@ -1,5 +1,5 @@
-//! Overlapping echoes, and the echoes of records: equal to their models bit for bit, and what they
-//! tell apart.
+//! Overlapping echoes and the echo finder of records: bit-exact against their models, and their
+//! resolution.
 
 use echoloop_dsp::SampleLoops;
 use echoloop_dsp::filter::{self, PADDING};
@@ -21,7 +21,7 @@ fn models(peaks: &[peak::Peak]) -> Vec<Peak> {
     peaks.iter().map(|&p| p.into()).collect()
 }
 
-/// sin² echoes of (time, amplitude) in samples, of a width, with noise of σ.
+/// Waveform of sin² echoes (time, amplitude) of a width, samples, in noise of σ.
 fn waveform(
     rng: &mut ChaCha8Rng,
     samples: usize,
@@ -97,7 +97,7 @@ fn the_sharpener_and_the_overlapping_echoes_it_finds_equal_their_models() {
     }
 }
 
-/// A record of any kind: codes of so many bits, and what is searched for.
+/// Draws a record of any kind, and a configuration of the finder.
 fn record(seed: u64) -> (Vec<u16>, FinderConfig) {
     let mut rng = vectors::rng(seed);
     let shift = rng.random_range(1..=7);
@@ -147,8 +147,8 @@ fn the_echoes_of_a_record_equal_their_model() {
     assert!(total > 2_500, "{total} echoes");
 }
 
-/// Times of the echoes of Gaussian pulses of (time, amplitude), 6 samples wide, that ring as a
-/// damped sine.
+/// Times of the echoes found in a record of Gaussian pulses (time, amplitude), 6 samples wide, that
+/// ring as a damped sine.
 fn of_ringing(
     seed: u64,
     samples: u32,
@@ -197,7 +197,7 @@ fn an_echo_after_ringing_is_found() {
 }
 
 #[test]
-fn memory_that_was_used_changes_no_echo() {
+fn used_memory_changes_no_echo() {
     let mut used = Box::new(EchoFinder::new());
     for seed in 0..500 {
         let (codes, search) = record(seed);
@@ -206,8 +206,8 @@ fn memory_that_was_used_changes_no_echo() {
     }
 }
 
-/// Peaks of the matched filter on a waveform of 5 ns pulses at 1 GS/s, and those with what hides in
-/// them; σ = 100.
+/// Number of the matched filter's peaks in a waveform of 5 ns pulses at 1 GS/s and σ = 100, and
+/// their number after splitting.
 fn sensor(rng: &mut ChaCha8Rng, clean: &[(f64, f64)]) -> (usize, usize) {
     const SIGMA: f64 = 100.0;
     let template = Template::sin_squared(5_000, 1_000_000);
@@ -231,7 +231,7 @@ fn sensor(rng: &mut ChaCha8Rng, clean: &[(f64, f64)]) -> (usize, usize) {
     )
 }
 
-/// Samples of 5 ns pulses at 1 GS/s apart, per metre.
+/// Samples per metre of range at 1 GS/s.
 const SAMPLES_PER_M: f64 = 2.0 / 0.299_792_458;
 
 #[test]
@@ -256,7 +256,7 @@ fn two_echoes_of_snr_50_split_at_the_matched_filter_s_limit_and_below() {
 }
 
 #[test]
-fn a_broad_echo_of_a_slanted_surface_stays_whole() {
+fn a_broad_echo_of_a_slanted_surface_is_not_split() {
     let rng = &mut vectors::rng(6);
     for broad in [5, 8, 12, 20] {
         let whole = (0..300).filter(|_| {

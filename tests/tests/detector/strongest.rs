@@ -1,10 +1,10 @@
-//! Strongest means strongest: of two clipped echoes the sensor keeps the one that is higher.
+//! Strongest of two clipped echoes: the sensor keeps the one that would be higher without clipping.
 //!
-//! The truth is what was made: two shapes of known heights, one of them 1.2 to 100 times the other,
-//! both above the clip level, in the reference receiver's noise. The lower one is 1.05 to 4 times
-//! the level: beyond, a hard pulse's edges fall between samples, and a ratio near 1 is in no
-//! sample. `cargo test -p echoloop-tests --test detector strongest:: -- --nocapture` prints
-//! how many are wrong, by the ratio too.
+//! Each case has two shapes of known heights, one 1.2 to 100 times as high as the other, both above
+//! the clip level, in the reference receiver's noise. The lower one is 1.05 to 4 times as high as
+//! the level; beyond, a hard pulse's edges fall between samples, so no sample shows a ratio near 1.
+//! `cargo test -p echoloop-tests --test detector strongest:: -- --nocapture` prints the errors by
+//! ratio.
 
 use std::f64::consts::PI;
 use std::fmt;
@@ -19,16 +19,16 @@ use rand::{Rng, RngExt};
 /// c/2, m per ns.
 const M_PER_NS: f64 = 0.149_896_229;
 
-/// What sends an echo back.
+/// Shape of an echo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Shape {
-    /// A surface square to the beam.
+    /// Surface square to the beam.
     Hard,
-    /// A sloped surface under a beam of Gaussian profile, 0.5 to 3 pulse widths long.
+    /// Sloped surface under a Gaussian beam, 0.5 to 3 pulse widths long.
     Sloped,
-    /// A sloped surface under an even beam, as long.
+    /// Sloped surface under a uniform beam, 0.5 to 3 pulse widths long.
     SlopedEven,
-    /// Fog before the sensor, of this visibility, m.
+    /// Fog in front of the sensor, of this visibility, m.
     Air(f64),
 }
 
@@ -51,13 +51,14 @@ impl Clock {
         }
     }
 
-    /// The pulse, so long after it began.
+    /// Pulse at a time after its beginning.
     fn pulse(&self, ns: f64) -> f64 {
         let inside = ns > 0.0 && ns < 2.0 * self.width_ns;
         if inside { (PI * ns / (2.0 * self.width_ns)).sin().powi(2) } else { 0.0 }
     }
 
-    /// An echo of height 1 whose middle lies at `middle_ns` from sample 0; air begins by itself.
+    /// An echo of height 1 whose middle is `middle_ns` after sample 0; that of air always begins at
+    /// the sensor.
     fn echo(&self, shape: Shape, middle_ns: f64, rng: &mut impl Rng) -> Vec<f64> {
         let length_ns = self.width_ns * log_uniform(rng, 0.5, 3.0);
         let parts: Vec<(f64, f64)> = match shape {
@@ -81,7 +82,7 @@ impl Clock {
         of_height_1((0..self.settings.bins).map(at).collect())
     }
 
-    /// ∫ ξ e^(−2αR)/R² p(t − 2R/c) dR by 1 cm steps; sample 0 is the middle of a pulse from 1 m.
+    /// ∫ ξ e^(−2αR)/R² p(t − 2R/c) dR in steps of 1 cm; sample 0 is the middle of a pulse from 1 m.
     fn air(&self, visibility_m: f64) -> Vec<f64> {
         let alpha = 20f64.ln() / visibility_m;
         let at = |n: i32| {
@@ -109,7 +110,7 @@ fn log_uniform(rng: &mut impl Rng, low: f64, high: f64) -> f64 {
     low * (high / low).powf(rng.random())
 }
 
-/// Wrong of all, for ratios up to each of [`RATIOS`].
+/// Numbers of wrong and of all choices, for ratios up to each of [`RATIOS`].
 #[derive(Default)]
 struct Score([(u32, u32); RATIOS.len()]);
 
@@ -138,7 +139,7 @@ impl fmt::Display for Score {
     }
 }
 
-/// Two echoes, the lower one within `lower` clip levels; who is right?
+/// Scores the choice between two echoes, the lower one within `lower` clip levels.
 fn compare(clock: Clock, shapes: [Shape; 2], lower: [f64; 2], runs: u32, seed: u64) -> Score {
     let mut rng = vectors::rng(seed);
     let receiver = Receiver::default();
@@ -162,7 +163,7 @@ fn compare(clock: Clock, shapes: [Shape; 2], lower: [f64; 2], runs: u32, seed: u
         let heights = if second_is_higher { [low, ratio * low] } else { [ratio * low, low] };
         // Far enough apart for two runs of clipped samples.
         let first_ns = match shapes[0] {
-            // Beyond where v R² of the air has fallen to half of the level.
+            // Beyond the range at which v R² of the air has fallen to half of the level.
             Shape::Air(_) => 1.5 * (2.0 * heights[0]).sqrt() / M_PER_NS,
             _ => 12.0 * clock.width_ns + 20.0 * rng.random::<f64>(),
         };
@@ -197,7 +198,7 @@ fn compare(clock: Clock, shapes: [Shape; 2], lower: [f64; 2], runs: u32, seed: u
     score
 }
 
-/// Shapes beside each other, in both orders; air is always before the sensor.
+/// Pairs of shapes, nearer one first; air is always in front of the sensor.
 const PAIRS: [[Shape; 2]; 9] = [
     [Shape::Hard, Shape::Hard],
     [Shape::Hard, Shape::Sloped],
@@ -222,7 +223,7 @@ fn of_two_clipped_echoes_the_higher_is_kept_in_99_of_100() {
 }
 
 #[test]
-fn so_it_is_with_clocks_and_pulses_that_nothing_was_chosen_on() {
+fn the_higher_is_kept_with_clocks_and_pulses_that_no_constant_was_tuned_on() {
     let unseen = [
         [Shape::Hard, Shape::Hard],
         [Shape::Hard, Shape::Sloped],
@@ -240,9 +241,9 @@ fn so_it_is_with_clocks_and_pulses_that_nothing_was_chosen_on() {
 }
 
 #[test]
-fn a_flat_top_counts_for_more_than_it_is() {
-    // A sloped surface under an even beam: its clipped run is as long as that of a far higher
-    // Gaussian, and so it is taken for one. Ratios above 5 are told all the same.
+fn a_flat_top_is_overestimated() {
+    // The clipped run of a sloped surface under a uniform beam is as long as that of a far higher
+    // Gaussian one, and is taken for it. Ratios above 5 are still distinguished.
     for (seed, shapes) in
         (300..).zip([[Shape::Hard, Shape::SlopedEven], [Shape::SlopedEven, Shape::Hard]])
     {
@@ -253,7 +254,7 @@ fn a_flat_top_counts_for_more_than_it_is() {
 }
 
 #[test]
-fn far_above_the_level_most_are_right_still() {
+fn far_above_the_clip_level_most_choices_are_right() {
     for (lower, most) in [([4.0, 8.0], 0.06), ([8.0, 16.0], 0.15)] {
         for (seed, shapes) in (200..).zip(PAIRS.into_iter().take(4)) {
             let score = compare(Clock::new(800, 5_000), shapes, lower, 500, seed);

@@ -1,8 +1,8 @@
 //! The pipeline for vector units against the plain one, bit for bit, on a million waveforms.
 //!
-//! Every 64th is drawn by [`vectors::case`] with settings of its own; the others are pieces of it,
-//! mostly short, bent in ways that no echo bends: reversed, trembling, with other levels, cut in
-//! two, wild. What is compared is all there is: echoes, statistics, `y`.
+//! Every 64th is drawn by [`vectors::case`] with its own settings; the others are mostly short
+//! pieces of it, distorted: reversed, noisy, at other levels, rotated, random. The comparison
+//! covers echoes, statistics and `y`.
 
 use echoloop_dsp::SampleLoops;
 use echoloop_dsp::detect;
@@ -15,10 +15,10 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 const WAVEFORMS: u64 = 1_000_000;
 
-/// Waveforms made of each drawn one, itself among them.
+/// Waveforms per drawn one, which is the first of them.
 const PIECES: u64 = 64;
 
-/// A piece of a waveform, one in 32 as long as it gets, bent in one of several ways.
+/// Draws a distorted piece of a waveform; one in 32 may be as long as the waveform.
 fn piece(codes: &[u16], rng: &mut impl Rng, out: &mut Vec<u16>) {
     let longest = if rng.random_range(0..32) == 0 { MAX_SAMPLES } else { 160 };
     let length = rng.random_range(0..=longest.min(codes.len()));
@@ -41,7 +41,7 @@ fn piece(codes: &[u16], rng: &mut impl Rng, out: &mut Vec<u16>) {
     }
 }
 
-/// Memory of both builds: what they remember of the waveform before must not matter.
+/// Memory of both builds, kept between waveforms because its contents must not matter.
 #[derive(Default)]
 struct Both {
     fast: Scratch,
@@ -82,7 +82,7 @@ fn a_million_waveforms_give_the_same_bytes_from_the_vector_unit_and_from_plain_c
 }
 
 #[test]
-fn peaks_from_hill_to_hill_are_those_sample_by_sample() {
+fn peaks_found_hill_by_hill_are_those_found_sample_by_sample() {
     let (mut by_sample, mut by_hill) = (Peaks::new(), Peaks::new());
     for seed in 0..20_000 {
         let (y, threshold) = vectors::output(seed);

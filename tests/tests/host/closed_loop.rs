@@ -1,6 +1,6 @@
-//! The closed loop as a library: settings go out over the link, echoes come back over it, a motion
-//! is found, better settings are chosen. Everything is small: what is asked is whether it hangs
-//! together, not how well it tunes.
+//! The closed loop as a library, on small problems: settings go over the link to the sensor, echoes
+//! come back, pairs are registered, better settings are chosen. These tests check that the parts
+//! work together, not how well they tune.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -51,11 +51,11 @@ fn config(more: &[&str]) -> RunConfig {
     load(None, &overrides.collect::<Vec<_>>()).expect("a configuration")
 }
 
-/// With this seed registration's search finds better than its start, so that the sensor is searched
-/// again from there; and the last choice has another sensor than the start.
+/// Seed with which the search of the registration improves on its start, so that the sensor is
+/// searched again from there, and the final choice has other sensor settings than the start.
 const MOVING: &str = "seed=10";
 
-/// The paper's strategy, and only what makes it small that it leaves open.
+/// The paper's strategy on a small problem.
 fn paper(more: &[&str]) -> RunConfig {
     let small =
         ["scene.towns=[1]", "data.train_pairs=4", "data.test_pairs=3", "data.baseline_m=0.5"];
@@ -65,13 +65,13 @@ fn paper(more: &[&str]) -> RunConfig {
     load(None, &overrides).expect("a configuration")
 }
 
-/// One town, traced once: the scanner and the pairs are the same in every test of the search.
+/// One town, traced once: scanner and pairs are the same in every test of the search.
 static TOWN: LazyLock<Dataset> =
     LazyLock::new(|| Dataset::build(&config(&[]), &|_, _| ()).expect("a town"));
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 
-/// Sensors in process, for all tests together: which one serves whom must not matter.
+/// Sensors in process, shared by all tests: it must not matter which one serves which test.
 static SENSORS: LazyLock<Sensors> =
     LazyLock::new(|| Sensors::in_process(Model::from(&config(&[]))));
 
@@ -88,13 +88,19 @@ fn search(config: &RunConfig) -> TuneSearch<'_> {
     TuneSearch { config, bench, space, start, warm_starts: Vec::new(), stop: &NEVER }
 }
 
-/// A whole search on so many threads: its journal's bytes, and what it chose.
+/// Journal and result of a whole search on a number of threads.
 fn tuned(config: &RunConfig, threads: usize) -> (Vec<u8>, Tuned) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     pool.install(|| run(&search(config), &Silent))
 }
 
-/// A whole search with an observer: its journal's bytes, and what it chose.
+/// Whole search with [`MOVING`], for several tests.
+static MOVED: LazyLock<(Vec<u8>, Tuned)> = LazyLock::new(|| tuned(&config(&[MOVING]), 2));
+
+/// Whole search with [`BY_ENERGY`], for several tests.
+static CHEAPEST: LazyLock<(Vec<u8>, Tuned)> = LazyLock::new(|| tuned(&config(&BY_ENERGY), 2));
+
+/// Journal and result of a whole search with an observer.
 fn run(search: &TuneSearch<'_>, observer: &dyn Observer) -> (Vec<u8>, Tuned) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("history.jsonl");
@@ -103,7 +109,7 @@ fn run(search: &TuneSearch<'_>, observer: &dyn Observer) -> (Vec<u8>, Tuned) {
     (std::fs::read(path).expect("a journal"), tuned)
 }
 
-/// The error of a training pair in the search, worked out by its recipe alone: purpose 3, and 32
+/// Error of a training pair in the search, with its noise derived independently: purpose 3, and 32
 /// bits of generation, 16 of pair, 16 of candidate.
 fn error_in_the_search(
     search: &TuneSearch<'_>,
@@ -116,27 +122,26 @@ fn error_in_the_search(
     registered.expect("a registration").error
 }
 
-/// The training pairs with the noise of the last choice.
+/// Training pairs with the noise of the final selection.
 fn shortlist_pairs(config: &RunConfig) -> NoisyPairs<'static> {
     NoisyPairs { pairs: &TOWN.train, seed: config.seed, purpose: Purpose::ShortlistNoise }
 }
 
 #[test]
 fn one_thread_and_two_write_the_same_journal_and_choose_the_same() {
-    let config = config(&[MOVING]);
-    let [(one, chosen_by_one), (two, chosen_by_two)] =
-        [1, 2].map(|threads| tuned(&config, threads));
-    assert!(one == two, "the journals differ");
-    assert_eq!(chosen_by_one, chosen_by_two);
+    let (one, chosen_by_one) = tuned(&config(&[MOVING]), 1);
+    let (two, chosen_by_two) = &*MOVED;
+    assert!(one == *two, "the journals differ");
+    assert_eq!(&chosen_by_one, chosen_by_two);
     assert_eq!(
         one.iter().filter(|&&byte| byte == b'\n').count(),
         1 + 3 + 3 + 2 + 2,
-        "a header, three generations of either half, two of the sensor again, two of both"
+        "a header, three generations of each part alone, two of the sensor again, two of both"
     );
 }
 
 #[test]
-fn the_fast_search_moves_either_half_alone_then_the_sensor_again_then_both() {
+fn the_fast_search_moves_each_part_alone_then_the_sensor_again_then_both() {
     let (_, tuned) = tuned(&config(&["tune.population=0", MOVING]), 2);
     let stages: Vec<&str> = tuned.generations.iter().map(|g| &*g.stage).collect();
     let halves = [vec!["lidar alone"; 3], vec!["registration"; 3]].concat();
@@ -164,14 +169,14 @@ fn the_fast_search_moves_either_half_alone_then_the_sensor_again_then_both() {
 }
 
 #[test]
-fn the_paper_s_search_sees_all_pairs_and_takes_the_best_candidate_that_it_saw() {
+fn the_paper_s_search_evaluates_all_pairs_and_takes_the_best_candidate() {
     let given = config(&["tune.strategy=paper"]).tune;
-    assert_eq!((given.pairs_per_generation, given.generations), (2, 3), "what is given stands");
+    assert_eq!((given.pairs_per_generation, given.generations), (2, 3), "given keys stay");
     let config = paper(&["tune.generations=2"]);
     assert_eq!((config.tune.error_cap, config.tune.error_mean), (0.0, ErrorMean::Arithmetic));
     let (_, tuned) = tuned(&config, 2);
     let seen: Vec<_> = tuned.generations.iter().flat_map(|g| &g.candidates).collect();
-    assert_eq!(seen.len(), 2 * 16, "as many as there are axes");
+    assert_eq!(seen.len(), 2 * 16, "a population of the number of axes");
     assert!(seen.iter().all(|c| !c.values.contains_key("lidar.gain_slope")), "the paper's eight");
     for candidate in &seen {
         let errors: Vec<f64> = candidate.errors.iter().map(|e| e.frobenius).collect();
@@ -195,13 +200,13 @@ impl Observer for Count {
 }
 
 #[test]
-fn every_registration_is_counted_and_nobody_is_raced_twice_on_a_pair() {
+fn every_registration_is_counted_and_no_finalist_runs_twice_on_a_pair() {
     let config = config(&[MOVING]);
     let count = Count::default();
     let (_, tuned) = run(&search(&config), &count);
     assert_eq!(count.0.into_inner(), tuned.registrations);
     let raced: usize = tuned.finalists.iter().map(|f| f.pairs).sum();
-    // Six candidates: of registration's three generations on all four pairs, else on two.
+    // Six candidates per generation, on all four pairs in registration's three, else on two.
     assert_eq!(tuned.registrations, 6 * (3 * 2 + 3 * 4 + 2 * 2 + 2 * 2) + raced);
     let different: BTreeSet<String> =
         tuned.finalists.iter().map(|f| format!("{:?}", f.values)).collect();
@@ -209,11 +214,11 @@ fn every_registration_is_counted_and_nobody_is_raced_twice_on_a_pair() {
 }
 
 #[test]
-fn what_scans_cost_is_recorded_where_it_counts_and_decides_between_equal_errors() {
+fn the_cost_of_scans_is_recorded_when_it_counts_and_decides_between_equal_errors() {
     let error = tuned(&config(&["tune.objective=error", "tune.generations=1"]), 2).1;
     assert!(error.generations.iter().flat_map(|g| &g.candidates).all(|c| c.cost.is_none()));
-    // All errors are the cap: what is left is energy.
-    let energy = tuned(&config(&BY_ENERGY), 2).1;
+    // All errors are at the cap, so only energy differs.
+    let energy = &CHEAPEST.1;
     let energy_j = |p: &Parameters| {
         f64::from(p.settings.power_uw) * f64::from(p.settings.pulse_width_ps) * 1e-18
     };
@@ -227,11 +232,11 @@ fn what_scans_cost_is_recorded_where_it_counts_and_decides_between_equal_errors(
 }
 
 #[test]
-fn each_half_is_searched_as_it_would_be_alone_and_its_winner_is_in_the_last_race() {
-    // A point of the cube gives a value back to its last bits.
+fn each_part_is_searched_as_it_would_be_alone_and_its_winner_is_a_finalist() {
+    // The way to the cube and back changes the last bits of a value.
     let close = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b.abs();
     let whole = config(&[MOVING]);
-    let (_, both) = tuned(&whole, 2);
+    let (_, both) = &*MOVED;
     for (protocol, stage) in [("lidar", "lidar alone"), ("registration", "registration")] {
         let half = config(&[&format!("tune.protocol={protocol}"), MOVING]);
         let (_, alone) = tuned(&half, 2);
@@ -254,7 +259,7 @@ fn each_half_is_searched_as_it_would_be_alone_and_its_winner_is_in_the_last_race
     }
 }
 
-/// A search whose choice is held to these pairs, and how many registrations it made.
+/// Result of a search whose choice is checked on these pairs, and its number of registrations.
 fn checked(config: &RunConfig, check: Vec<ScanPair>) -> (Tuned, usize) {
     let dataset = Dataset { check, ..TOWN.clone() };
     let bench = Bench { dataset: &dataset, sensors: &SENSORS };
@@ -263,32 +268,33 @@ fn checked(config: &RunConfig, check: Vec<ScanPair>) -> (Tuned, usize) {
     (tuned, count.0.into_inner())
 }
 
-/// All errors are the cap, so that energy alone decides: another sensor is always ahead.
+/// Keys that put all errors at the cap, so that energy alone decides: other sensor settings are
+/// always ahead.
 const BY_ENERGY: [&str; 3] =
     ["tune.error_cap=1e-7", "tune.error_mean=arithmetic", "tune.weights.energy=1"];
 
 #[test]
-fn what_both_halves_found_stands_where_it_is_ahead_on_pairs_that_no_search_saw() {
+fn a_joint_choice_stands_when_it_is_ahead_on_held_back_pairs() {
     let config = config(&BY_ENERGY);
-    let (_, unchecked) = tuned(&config, 2);
+    let (_, unchecked) = &*CHEAPEST;
     assert_eq!(unchecked.check, None);
     let (found, made) = checked(&config, TOWN.test.clone());
     assert_eq!((found.parameters, &found.origin), (unchecked.parameters, &unchecked.origin));
-    assert_eq!(found.finalists, unchecked.finalists, "who raced saw no pair more");
+    assert_eq!(found.finalists, unchecked.finalists, "the final selection is the same");
     let check = found.check.expect("a check");
     assert!(check.holds && check.ahead == 99.0 && check.pairs == 3, "{check:?}");
-    assert_eq!(found.registrations, unchecked.registrations + 2 * 3, "two on three pairs");
+    assert_eq!(found.registrations, unchecked.registrations + 2 * 3, "two choices on three pairs");
     assert_eq!(found.registrations, made);
 }
 
 #[test]
-fn what_is_not_ahead_on_pairs_that_no_search_saw_makes_way_for_registrations_winner() {
+fn a_joint_choice_that_is_not_ahead_on_held_back_pairs_yields_to_registration_alone() {
     let config = config(&["tune.objective=error", MOVING]);
     let winner = tuned(&config, 2).1;
     let half = ["tune.objective=error", "tune.protocol=registration", MOVING];
     let half = tuned(&self::config(&half), 2).1;
     assert_ne!(winner.parameters.settings, search(&config).start.settings, "else nothing to check");
-    // Where nothing comes back both err as the initial guess does.
+    // Without returns, both have the error of the initial guess.
     let nothing = Arc::new(SceneResponse::empty(TOWN.test[0].first.len() as u32));
     let mut blind = TOWN.test.clone();
     blind.iter_mut().for_each(|p| (p.first, p.second) = (nothing.clone(), nothing.clone()));
@@ -306,35 +312,35 @@ fn what_is_not_ahead_on_pairs_that_no_search_saw_makes_way_for_registrations_win
 }
 
 #[test]
-fn the_least_of_a_cost_is_held_to_no_check() {
+fn minimising_a_cost_makes_no_check() {
     let config = config(&["tune.minimise=energy", "tune.generations=1"]);
     assert_eq!(checked(&config, TOWN.test.clone()).0.check, None);
 }
 
 #[test]
-fn where_registration_keeps_its_start_the_sensor_is_not_searched_from_there_again() {
+fn when_registration_keeps_its_start_the_sensor_is_not_searched_again() {
     let config = config(&BY_ENERGY);
-    let (journal, found) = tuned(&config, 2);
+    let (journal, found) = &*CHEAPEST;
     let mut stages: Vec<&str> = found.generations.iter().map(|g| g.stage.as_str()).collect();
     stages.dedup();
-    assert_eq!(stages, ["lidar alone", "registration", "joint"], "nothing costs less light there");
-    // Both together are searched from the sensor's winner all the same.
+    assert_eq!(stages, ["lidar alone", "registration", "joint"], "registration costs no energy");
+    // Both together are still searched, from the sensor's winner.
     let joint = found.generations.iter().find(|g| g.stage == "joint").expect("a search of both");
     let start = search(&config).space.start_point();
     let moved = joint.mean.iter().zip(&start).filter(|(a, b)| (*a - *b).abs() > 1e-9).count();
     assert!(moved > 0, "{:?}", joint.mean);
-    // A journal without that search is gone on with.
+    // A journal without that stage can be resumed.
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("history.jsonl");
     std::fs::write(&path, journal).expect("a journal");
     let search = search(&config);
     let (mut journal, done) = Journal::resume(&path, &search.header(), false).expect("a journal");
     let again = search.run(&mut journal, done, &Silent).expect("a search");
-    assert_eq!(again, found);
+    assert_eq!(&again, found);
 }
 
 #[test]
-fn of_each_search_two_of_its_own_later_generations_are_in_the_race() {
+fn two_candidates_of_each_stage_s_later_generations_are_finalists() {
     let (_, tuned) = tuned(&config(&["tune.generations=4", MOVING]), 2);
     for stage in ["lidar alone", "registration", "lidar", "joint"] {
         let own = tuned.generations.iter().filter(|generation| generation.stage == stage);
@@ -355,7 +361,7 @@ fn of_each_search_two_of_its_own_later_generations_are_in_the_race() {
 }
 
 #[test]
-fn every_viewpoint_has_its_number_training_pairs_first() {
+fn viewpoints_are_numbered_training_pairs_first() {
     let pairs = TOWN.train.iter().chain(&TOWN.test);
     let numbers: Vec<u32> = pairs.flat_map(|pair| pair.viewpoints).collect();
     assert_eq!(numbers, (1..=14).collect::<Vec<_>>());
@@ -372,7 +378,7 @@ fn every_viewpoint_has_its_number_training_pairs_first() {
 }
 
 #[test]
-fn one_sensor_for_all_threads_finds_what_one_for_each_finds() {
+fn one_sensor_for_all_threads_gives_the_errors_of_one_for_each() {
     let config = config(&[]);
     let model = Model::from(&config);
     let one = Sensors::opened_by("one", 1, move || {
@@ -388,14 +394,14 @@ fn one_sensor_for_all_threads_finds_what_one_for_each_finds() {
 }
 
 #[test]
-fn another_seed_searches_elsewhere() {
+fn another_seed_gives_another_search() {
     let (one, _) = tuned(&config(&["tune.generations=1"]), 2);
     let (other, _) = tuned(&config(&["tune.generations=1", "seed=2"]), 2);
     assert!(one != other);
 }
 
 #[test]
-fn every_candidate_is_recorded_under_the_hash_by_which_the_sensor_calls_its_settings() {
+fn every_candidate_is_recorded_with_the_sensor_s_hash_of_its_settings() {
     let config = config(&["tune.generations=2", "tune.objective=error"]);
     let (_, tuned) = tuned(&config, 2);
     let search = search(&config);
@@ -418,12 +424,12 @@ fn every_candidate_is_recorded_under_the_hash_by_which_the_sensor_calls_its_sett
 }
 
 #[test]
-fn every_recorded_error_is_that_of_a_training_pair_with_its_own_noise() {
+fn every_recorded_error_is_that_of_a_training_pair_with_the_noise_of_the_recipe() {
     for (common, own) in [("tune.common_noise=true", 0), ("tune.common_noise=false", 1)] {
         let config = config(&[common, "tune.generations=2"]);
         let (_, tuned) = tuned(&config, 2);
         let search = search(&config);
-        // The sensor's half draws as it would alone, and so does what begins with registration's.
+        // The stage of the sensor alone draws as it would alone; so do the other stages together.
         let turns = (0..2).chain(0..4);
         assert_eq!(tuned.generations.len(), 6);
         for (g, generation) in turns.zip(&tuned.generations) {
@@ -441,7 +447,7 @@ fn every_recorded_error_is_that_of_a_training_pair_with_its_own_noise() {
 }
 
 #[test]
-fn a_pair_s_error_counts_no_more_than_the_cap() {
+fn a_pair_s_error_counts_at_most_the_cap() {
     let worth = |cap: &str| {
         let plain = ["tune.generations=1", "tune.error_mean=arithmetic", "tune.objective=error"];
         let (_, tuned) = tuned(&config(&[&plain[..], &[cap]].concat()), 2);
@@ -449,7 +455,7 @@ fn a_pair_s_error_counts_no_more_than_the_cap() {
             tuned.generations[0].candidates.iter().map(|c| c.fitness).collect();
         (searched, tuned.finalists.iter().map(|f| f.fitness).collect::<Vec<f64>>())
     };
-    // No registration is as good as a ten-thousandth of a millimetre: all are worth the cap.
+    // No registration is as good as a ten-thousandth of a millimetre: all errors are at the cap.
     let (searched, chosen) = worth("tune.error_cap=1e-7");
     assert!(searched.iter().chain(&chosen).all(|&worth| worth == 1e-7), "{searched:?} {chosen:?}");
     let (searched, chosen) = worth("tune.error_cap=0");
@@ -457,7 +463,7 @@ fn a_pair_s_error_counts_no_more_than_the_cap() {
 }
 
 #[test]
-fn parameters_are_judged_on_test_pairs_with_the_noise_of_the_judgement() {
+fn parameters_are_judged_on_test_pairs_with_noise_of_their_own() {
     let config = config(&[]);
     let search = search(&config);
     let judged = search.judge(&search.start, &Silent).expect("a judgement").errors;
@@ -469,14 +475,14 @@ fn parameters_are_judged_on_test_pairs_with_the_noise_of_the_judgement() {
     }
 }
 
-/// Where the sensor stood for every scan of some pairs, x and y, m.
+/// Position of the sensor for every scan of some pairs, x and y, m.
 fn places(pairs: &[ScanPair]) -> Vec<Vector2<f64>> {
     let both = pairs.iter().flat_map(|pair| pair.world_from_sensor);
     both.map(|pose| pose.translation.vector.xy()).collect()
 }
 
 #[test]
-fn nothing_is_judged_within_ten_metres_of_a_place_that_was_tuned_on() {
+fn test_viewpoints_are_at_least_ten_metres_from_training_viewpoints() {
     for scene in ["structured", "semi-structured", "unstructured"] {
         let scene = format!("scene.source=\"{scene}\"");
         let config =
@@ -499,7 +505,7 @@ fn nothing_is_judged_within_ten_metres_of_a_place_that_was_tuned_on() {
 }
 
 #[test]
-fn the_choice_is_never_worse_than_the_start_on_the_training_pairs() {
+fn the_choice_is_at_least_as_good_as_the_start_on_the_training_pairs() {
     for seed in ["seed=1", "seed=2"] {
         let config = config(&[seed, "tune.objective=error"]);
         let (_, tuned) = tuned(&config, 2);
@@ -562,7 +568,7 @@ fn each_protocol_changes_its_own_axes_and_no_others() {
     }
 }
 
-/// Targets at known ranges and of known echo heights, one a beam, seen by a sensor in process.
+/// Targets of known range and echo height, one a beam, for a sensor in process.
 struct Targets {
     pattern: ScanPattern,
     receiver: Receiver,
@@ -574,12 +580,12 @@ const COLUMNS: u16 = 32;
 const ROWS: u16 = 16;
 
 impl Targets {
-    /// Beam i's echo fills `height(i / beams)` of full scale at the default power and gain.
+    /// The echo of beam i has `height(i / beams)` of full scale at the default power and gain.
     fn new(height: impl Fn(f64) -> f64) -> Self {
         let pattern = ScanPattern::Grid(Grid { columns: COLUMNS, rows: ROWS, ..Grid::default() });
         let receiver = Receiver::default();
         let beams = pattern.beams();
-        // 17 mm apart: every phase between two samples occurs.
+        // 17 mm apart, so that every sub-sample phase occurs.
         let ranges_m: Vec<f64> = (0..beams).map(|i| 20.0 + 0.017 * f64::from(i)).collect();
         let power_w = f64::from(Settings::default().power_uw) / 1e6;
         let returns = ranges_m.iter().zip(0..).map(|(&range_m, i)| {
@@ -671,7 +677,7 @@ fn a_higher_noise_floor_or_snr_threshold_lets_fewer_echoes_pass() {
     let low = Settings { noise_floor_ppm: 20_000, ..Settings::default() };
     let high = Settings { noise_floor_ppm: 100_000, ..low };
     let [low, high] = [low, high].map(|s| count(&targets.scan(&s)) as f64 / beams);
-    // The floor is compared with the amplitude, whose noise is under 1 % of full scale.
+    // The noise of the amplitude, which is compared with the floor, is below 1 % of full scale.
     assert!(
         (low - 0.9).abs() < 0.05 && (high - 0.5).abs() < 0.05,
         "{low} and {high} of all echoes"
@@ -686,7 +692,7 @@ fn a_higher_noise_floor_or_snr_threshold_lets_fewer_echoes_pass() {
 }
 
 #[test]
-fn a_lower_saturation_level_flags_echoes_that_were_whole() {
+fn a_lower_saturation_level_flags_whole_echoes_as_saturated() {
     let targets = Targets::new(|_| 0.5);
     let saturated = |saturation_ppm| {
         let scan = targets.scan(&Settings { saturation_ppm, ..Settings::default() });
@@ -696,7 +702,7 @@ fn a_lower_saturation_level_flags_echoes_that_were_whole() {
 }
 
 #[test]
-fn more_bins_or_upsampling_keep_or_better_the_range() {
+fn more_bins_improve_the_range_and_upsampling_does_not_worsen_it() {
     let targets = Targets::new(|_| 0.02);
     let half_gs = Settings { bins: 397, ..Settings::default() };
     let error = |settings: &Settings| {
@@ -711,7 +717,7 @@ fn more_bins_or_upsampling_keep_or_better_the_range() {
     assert!(finer < plain, "{finer} m after {plain} m");
 }
 
-/// A front end that sees no light and notes what it was asked for.
+/// A front end without light that records its settings.
 #[derive(Default)]
 struct Spy(Vec<(Analog, usize)>);
 
@@ -727,7 +733,7 @@ impl FrontEnd for Spy {
 }
 
 #[test]
-fn power_width_gain_and_clock_reach_the_front_end_when_committed_and_not_before() {
+fn committed_power_width_gain_and_clock_reach_the_front_end() {
     let pattern = ScanPattern::Grid(Grid { columns: 1, rows: 1, ..Grid::default() });
     let sensor = PcSensor::new(Spy::default(), pattern, HARDWARE);
     let mut client = Client::connect(InProcess(sensor), RetryPolicy::default()).expect("a sensor");
@@ -758,7 +764,7 @@ fn power_width_gain_and_clock_reach_the_front_end_when_committed_and_not_before(
     assert_eq!(seen(Some(too_strong)), (Some(true), analog, samples), "a refusal changes nothing");
 }
 
-/// A value of a parameter that is not its default and that the other defaults allow.
+/// Value of a parameter other than its default, valid with the other defaults.
 fn other(id: ParameterId) -> f64 {
     match id {
         ParameterId::Power => 50.0,
@@ -773,7 +779,7 @@ fn other(id: ParameterId) -> f64 {
 }
 
 #[test]
-fn what_only_the_dsp_needs_leaves_the_front_end_alone() {
+fn parameters_of_the_dsp_do_not_reach_the_front_end() {
     let pattern = ScanPattern::Grid(Grid { columns: 1, rows: 1, ..Grid::default() });
     let sensor = PcSensor::new(Spy::default(), pattern, HARDWARE);
     let mut client = Client::connect(InProcess(sensor), RetryPolicy::default()).expect("a sensor");
@@ -807,8 +813,7 @@ fn a_refused_setting_changes_no_echo() {
     assert_eq!(sensor.scan(&targets.view()).expect("a scan"), before);
 }
 
-/// A scene of rectangles, each from three corners (the fourth follows), with one material of this
-/// reflectance.
+/// A scene of rectangles, each given by three corners, with one material of this reflectance.
 fn rectangles(corners: &[[[f32; 3]; 3]], reflectance_905nm: f32) -> Place {
     let mut mesh = Mesh::default();
     for &[a, b, c] in corners {
@@ -826,7 +831,7 @@ fn rectangles(corners: &[[[f32; 3]; 3]], reflectance_905nm: f32) -> Place {
 }
 
 #[test]
-fn a_wall_is_scanned_where_it_stands_whatever_its_albedo() {
+fn a_scan_of_a_wall_is_unbiased_at_every_albedo() {
     const WALL_M: f64 = 18.0;
     let pattern = ScanPattern::Grid(Grid {
         columns: 48,
@@ -871,7 +876,7 @@ fn a_wall_is_scanned_where_it_stands_whatever_its_albedo() {
     }
 }
 
-/// The five sides of a box that are seen from above the ground.
+/// The five visible sides of a box on the ground.
 fn block([x, y]: [f32; 2], [dx, dy, dz]: [f32; 3]) -> [[[f32; 3]; 3]; 5] {
     let (u, v) = (x + dx, y + dy);
     [
@@ -884,7 +889,7 @@ fn block([x, y]: [f32; 2], [dx, dy, dz]: [f32; 3]) -> [[[f32; 3]; 3]; 5] {
 }
 
 #[test]
-fn two_scans_of_a_yard_are_registered_to_the_motion_between_them() {
+fn registration_finds_the_motion_between_two_scans_of_a_yard() {
     let ground = [[-40.0, -40.0, 0.0], [40.0, -40.0, 0.0], [40.0, 40.0, 0.0]];
     let blocks = [
         block([-20.0, 14.0], [44.0, 8.0, 9.0]),

@@ -1,4 +1,4 @@
-//! What a cloud's file says of a point: the table of docs/data.md is the one that writes it.
+//! Attributes of points in cloud files: docs/data.md has the table that the writer uses.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! A front of error against energy: small, to ask whether it hangs together.
+//! The search for a front of error against energy, on a small problem.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -19,7 +19,7 @@ use echoloop_sensors::sensor::{Model, Sensors};
 
 const GENERATIONS: usize = 3;
 
-/// Of a choice.
+/// Power of a choice.
 const POWER_UW: i32 = 20_000_000;
 
 static CONFIG: LazyLock<RunConfig> = LazyLock::new(|| {
@@ -58,20 +58,20 @@ fn search(stop: &AtomicBool) -> TuneSearch<'_> {
     }
 }
 
-/// The start with so much power, µW: a choice.
+/// A choice: the start with another power, µW.
 fn choice(search: &TuneSearch<'_>, power_uw: i32) -> Parameters {
     let mut tuned = search.start;
     tuned.settings.power_uw = power_uw;
     tuned
 }
 
-/// Start and choice on the held-out pairs.
+/// Results of start and choice on the held-out pairs.
 fn judged(search: &TuneSearch<'_>, power_uw: i32) -> [Summary; 2] {
     [search.start, choice(search, power_uw)]
         .map(|own| search.judge(&own, &Silent).expect("it is judged"))
 }
 
-/// Of a choice that has so much power, µW.
+/// Search for the front of a choice with this power, µW.
 fn of_choice<'a>(
     search: &'a TuneSearch<'a>,
     power_uw: i32,
@@ -82,7 +82,7 @@ fn of_choice<'a>(
     FrontSearch { search, space, tuned, judged: judged.each_ref(), cost: CostKind::Energy }
 }
 
-/// On so many threads, after what a journal has already.
+/// Front found on a number of threads, resumed after the generations `done`, and its journal.
 fn found(
     path: &Path,
     threads: usize,
@@ -128,7 +128,7 @@ fn a_front_is_the_same_on_any_number_of_threads_and_after_a_stop() {
 }
 
 #[test]
-fn a_candidate_that_comes_again_is_not_judged_again() {
+fn a_repeated_candidate_is_not_evaluated_again() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     let never = AtomicBool::new(false);
@@ -140,7 +140,7 @@ fn a_candidate_that_comes_again_is_not_judged_again() {
         journal.expect("a journal").1
     };
     found(&at("whole"), 2, POWER_UW, &[]).expect("a front");
-    // What a registration would not say: who has it was not registered.
+    // No registration gives this stop reason: an error that has it comes from the journal.
     const MARK: &str = "of the journal";
     let mut first = read("whole").swap_remove(0);
     let errors = first.candidates.iter_mut().flat_map(|candidate| &mut candidate.errors);
@@ -159,7 +159,7 @@ fn a_candidate_that_comes_again_is_not_judged_again() {
 }
 
 #[test]
-fn a_front_has_its_ends_and_says_what_the_start_s_error_can_be_had_for() {
+fn a_front_has_its_ends_and_names_the_cheapest_point_as_good_as_the_start() {
     let folder = tempfile::tempdir().expect("a folder");
     let (_, front) = found(&folder.path().join("a"), 2, POWER_UW, &[]).expect("a front");
     assert!((2..=5).contains(&front.points.len()), "{} points", front.points.len());
@@ -183,7 +183,7 @@ fn a_front_has_its_ends_and_says_what_the_start_s_error_can_be_had_for() {
 }
 
 #[test]
-fn a_search_that_is_stopped_keeps_what_is_done() {
+fn a_stopped_search_keeps_its_journal() {
     let folder = tempfile::tempdir().expect("a folder");
     let stop = AtomicBool::new(true);
     let search = search(&stop);
@@ -196,7 +196,7 @@ fn a_search_that_is_stopped_keeps_what_is_done() {
     assert!(Journal::resume(&path, &front.header(), false).is_ok());
 }
 
-/// Registrations of the last stage: as announced, and as made.
+/// Registrations of the last stage, as announced and as made.
 #[derive(Default)]
 struct Last(Mutex<(usize, usize)>);
 
@@ -211,12 +211,12 @@ impl Observer for Last {
 }
 
 #[test]
-fn start_and_choice_are_not_judged_again_where_they_are_on_the_front() {
+fn start_and_choice_are_not_judged_again_when_they_are_on_the_front() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     let never = AtomicBool::new(false);
     let search = search(&never);
-    // A choice that nothing dominates: a point of a front before.
+    // A choice that nothing dominates: a point of an earlier front.
     let (_, front) = found(&at("before"), 2, POWER_UW, &[]).expect("a front");
     let mut on_both = 0;
     for (number, point) in front.points.iter().enumerate() {

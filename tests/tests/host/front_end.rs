@@ -1,5 +1,5 @@
-//! A front end that fails: the sensor says so, never fires with half a set of settings, and
-//! recovers at the next request.
+//! Front ends that fail: the sensor reports it, never fires with part of the settings, and recovers
+//! at the next request.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -27,20 +27,20 @@ enum Device {
     Adc,
 }
 
-/// What is wrong with the front end.
+/// Fault of the front end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fault {
     None,
-    /// The bus fails at the transaction that many from now.
+    /// The bus fails after this number of transactions.
     Bus(usize),
     WrongId(Device, u32),
-    /// The register keeps what it holds.
+    /// The register keeps its value.
     Stuck(Device, u8),
-    /// Shots are fired and no samples come.
+    /// Shots give no samples.
     NoSamples,
 }
 
-/// Both devices' registers, and what they held at every shot.
+/// Registers of both devices, and their values at every shot.
 struct Analog {
     emitter: [u32; REGISTERS],
     adc: [u32; REGISTERS],
@@ -96,7 +96,7 @@ impl SpiDevice for Spi {
 struct Link {
     to_sensor: VecDeque<u8>,
     to_host: Vec<u8>,
-    /// Bytes it takes at once.
+    /// Largest number of bytes taken at once.
     takes: usize,
 }
 
@@ -253,7 +253,8 @@ impl Sensor {
         self.analog.borrow_mut().fault = fault;
     }
 
-    /// Every shot since the last call was fired with these settings, whole, and for this scan.
+    /// Asserts that every shot since the last call was fired with all of these settings and for
+    /// this scan.
     fn assert_shots(&mut self, count: usize, settings: &Settings, frame: u32) {
         let shots = std::mem::take(&mut self.analog.borrow_mut().shots);
         assert_eq!(shots.len(), count);
@@ -276,7 +277,7 @@ impl Sensor {
     }
 }
 
-/// Differs from the default in every register.
+/// Settings that differ from the default in every register.
 fn other() -> Settings {
     let ambient = AmbientEstimator::PreTrigger.code();
     Settings {
@@ -293,7 +294,7 @@ fn other() -> Settings {
     }
 }
 
-/// Scans, changes the settings, meets the fault and asks for the next scan.
+/// A sensor that scanned, got other settings and a fault, and its report of the next scan.
 fn after(fault: Fault) -> (Sensor, Report) {
     let mut sensor = Sensor::opened();
     assert!(matches!(sensor.measure(1), Report::Beams { .. }));
@@ -316,9 +317,9 @@ fn assert_recovers(mut sensor: Sensor) {
     sensor.assert_shots(2, &other(), 2);
 }
 
-/// Transactions of one request after new settings: the emitter's identity and 4 registers, written
-/// and read; the converter's and 8; the scan's number; that nobody names its noise, which need not
-/// be held and is not read; two shots.
+/// Transactions of one request after new settings: the identity and 4 registers of the emitter,
+/// written and read back (9); the identity and 8 registers of the converter (17); the number of the
+/// scan (2); the register of its noise, which is not read back (1); two shots (2).
 const TRANSACTIONS: usize = 9 + 17 + 2 + 1 + 2;
 
 #[test]
@@ -335,7 +336,7 @@ fn a_bus_that_fails_anywhere_is_reported_and_the_next_request_starts_anew() {
 }
 
 #[test]
-fn another_device_on_the_bus_is_never_written_to() {
+fn a_device_with_another_identity_is_never_written_to() {
     for device in [Device::Emitter, Device::Adc] {
         for id in [0, u32::MAX, emitter::ID_VALUE ^ 1] {
             let mut sensor = Sensor::opened();
@@ -355,7 +356,7 @@ fn another_device_on_the_bus_is_never_written_to() {
 }
 
 #[test]
-fn a_register_that_does_not_hold_is_reported_before_a_shot() {
+fn a_register_that_does_not_keep_its_value_is_reported_before_a_shot() {
     let emitter = [emitter::POWER, emitter::PULSE_WIDTH, emitter::OVERLAP, emitter::FRAME]
         .map(|r| (Device::Emitter, r));
     let adc =
@@ -364,7 +365,7 @@ fn a_register_that_does_not_hold_is_reported_before_a_shot() {
     for (device, register) in emitter.into_iter().chain(adc) {
         let (mut sensor, report) = after(Fault::Stuck(device, register));
         assert_eq!(report, Report::Nack(Nack::FrontEnd), "{device:?} {register}");
-        assert_eq!(sensor.measure(2), Report::Nack(Nack::FrontEnd), "as long as it does not hold");
+        assert_eq!(sensor.measure(2), Report::Nack(Nack::FrontEnd), "and again");
         sensor.assert_shots(0, &other(), 2);
         assert_recovers(sensor);
     }
@@ -374,14 +375,14 @@ fn a_register_that_does_not_hold_is_reported_before_a_shot() {
 fn samples_that_never_come_are_reported() {
     let (sensor, report) = after(Fault::NoSamples);
     assert_eq!(report, Report::Nack(Nack::FrontEnd));
-    // It was a brown-out: the registers are empty, so all of them have to be written again.
+    // After a brown-out the registers are empty, so all of them must be written again.
     sensor.analog.borrow_mut().emitter[1..].fill(0);
     sensor.analog.borrow_mut().adc[1..].fill(0);
     assert_recovers(sensor);
 }
 
 #[test]
-fn settings_go_to_the_front_end_once() {
+fn settings_are_written_to_the_front_end_once() {
     let mut sensor = Sensor::opened();
     let spent = |sensor: &mut Sensor, frame| {
         let before = sensor.analog.borrow().transactions;
@@ -390,7 +391,7 @@ fn settings_go_to_the_front_end_once() {
     };
     assert_eq!(spent(&mut sensor, 1), TRANSACTIONS);
     assert_eq!(spent(&mut sensor, 1), 2, "two shots");
-    assert_eq!(spent(&mut sensor, 2), 2 + 2 + 1, "and the scan's number and noise");
+    assert_eq!(spent(&mut sensor, 2), 2 + 2 + 1, "two shots, the scan's number and noise");
 }
 
 #[test]
@@ -404,7 +405,7 @@ fn shots_of_a_beam_are_numbered_and_the_next_beam_begins_anew() {
         .map(|(laser, _)| (laser[usize::from(emitter::FIRE)], laser[usize::from(emitter::SHOT)]))
         .collect();
     assert_eq!(fired, [(6, 0), (6, 1), (6, 2), (6, 3), (7, 0), (7, 1), (7, 2), (7, 3)]);
-    // One shot again: its number is 0, as the noise of a beam's first shot is the beam's own.
+    // With one shot again, its number is 0.
     sensor.configure(&Settings::default());
     assert!(matches!(sensor.measure(2), Report::Beams { .. }));
     sensor.assert_shots(2, &Settings::default(), 2);
@@ -427,7 +428,7 @@ fn dithered_shots_are_sampled_at_four_moments_of_a_period() {
         .collect();
     let expected = [-3, -1, 1, 3].map(|eighths| eighths * period / 8);
     assert_eq!(offsets, [expected, expected].concat());
-    // Not dithered: the window opens where it did.
+    // Without dither the window opens as before.
     sensor.configure(&Settings::default());
     assert!(matches!(sensor.measure(2), Report::Beams { .. }));
     sensor.assert_shots(2, &Settings::default(), 2);
@@ -453,11 +454,11 @@ fn the_watchdog_is_fed_at_every_turn_and_every_beam() {
     sensor.app.poll().unwrap();
     assert_eq!(fed(&mut sensor), 1, "idle");
     assert!(matches!(sensor.measure(1), Report::Beams { .. }));
-    assert_eq!(fed(&mut sensor), 1 + 2 + 1, "a turn, two beams, and what was read");
+    assert_eq!(fed(&mut sensor), 1 + 2 + 1, "a turn, two beams, and the bytes read");
 }
 
 #[test]
-fn a_link_that_takes_little_gets_all_and_one_that_takes_nothing_is_lost() {
+fn a_slow_link_gets_everything_and_one_that_takes_nothing_is_lost() {
     let mut sensor = Sensor::opened();
     sensor.app.board_mut().link.takes = 3;
     assert!(matches!(sensor.measure(1), Report::Beams { .. }));
@@ -468,14 +469,14 @@ fn a_link_that_takes_little_gets_all_and_one_that_takes_nothing_is_lost() {
 }
 
 #[test]
-fn restarts_are_told_with_the_counters() {
+fn the_counters_include_restarts() {
     let mut sensor = Sensor::opened();
     let Report::Counters(counters) = sensor.ask(&Command::ReadCounters) else { panic!() };
     assert_eq!(counters.restarts, 3);
 }
 
 #[test]
-fn a_front_end_that_fails_through_a_trial_does_not_prolong_it() {
+fn a_front_end_that_fails_during_a_trial_does_not_prolong_it() {
     let mut sensor = Sensor::opened();
     let hash = settings_hash(&other());
     sensor.ask(&Command::Stage(other()));
@@ -518,7 +519,7 @@ fn commands() -> impl Strategy<Value = Command<'static>> {
 }
 
 proptest! {
-    /// And what runs has always passed the check.
+    /// Also, active settings always pass the check.
     #[test]
     fn every_command_in_any_order_gets_one_answer(commands in vec(commands(), 1..40)) {
         let mut sensor = Sensor::new();
@@ -529,7 +530,7 @@ proptest! {
     }
 
     #[test]
-    fn noise_on_the_line_gets_no_answer_and_moves_nothing(noise in vec(any::<u8>(), 0..6_000)) {
+    fn noise_on_the_line_gets_no_answer_and_changes_nothing(noise in vec(any::<u8>(), 0..6_000)) {
         let mut sensor = Sensor::opened();
         prop_assert_eq!(sensor.hear(&noise), vec![]);
         sensor.configure(&other());

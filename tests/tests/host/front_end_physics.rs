@@ -1,7 +1,7 @@
-//! The front end against physics: link budget, energy, noise, quantisation, sub-rays, and the
-//! effect of every switch.
+//! The simulated front end against physics: link budget, energy, noise, quantisation, sub-rays, and
+//! the effect of every option.
 //!
-//! All Monte Carlo is seeded; bounds say how many standard errors they are.
+//! All Monte Carlo is seeded; comments give bounds in standard errors.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -19,11 +19,12 @@ use echoloop_sensors::sensor::{Model, Sensor, View};
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{BeamOptics, Scanner};
 use echoloop_sim::scene::{MATERIALS, Material, Mesh, Scene};
+use echoloop_tests::moments::mean_and_deviation;
 
-/// Half of what light travels in a nanosecond, m.
+/// Range per nanosecond of round trip, m.
 const METRES_PER_NS: f64 = 0.299_792_458 / 2.0;
 
-/// 1 GS/s; a pulse that begins at once when the window does.
+/// Settings at 1 GS/s with a window that begins with the pulse.
 const ANALOG: Analog = Analog {
     power_w: 75.0,
     pulse_width_ns: 5.0,
@@ -33,7 +34,7 @@ const ANALOG: Analog = Analog {
     ..Analog::USUAL
 };
 
-/// Nothing but signal: what is left of the shot noise is below 10⁻¹⁵⁰ µA.
+/// A receiver without noise: the rest of the shot noise is below 10⁻¹⁵⁰ µA.
 fn silent() -> Receiver {
     Receiver {
         adc_bits: 14,
@@ -58,12 +59,12 @@ fn shot(front_end: &mut WaveformFrontEnd, analog: &Analog, frame: u32, samples: 
     codes
 }
 
-/// Codes of one shot, without an ensemble.
+/// Codes of one shot.
 fn waveform(receiver: &Receiver, analog: &Analog, returns: &[Return], samples: usize) -> Vec<u16> {
     shot(&mut WaveformFrontEnd::new(receiver.clone(), one_beam(returns), 1), analog, 0, samples)
 }
 
-/// Mean and variance of every sample over shots, codes.
+/// Mean and variance of every sample over many shots, codes.
 fn ensemble(
     receiver: &Receiver,
     analog: &Analog,
@@ -85,7 +86,7 @@ fn ensemble(
         .collect()
 }
 
-/// A front end and the firmware's detector behind it.
+/// A front end with the firmware's detector.
 struct Bench {
     front_end: WaveformFrontEnd,
     analog: Analog,
@@ -113,7 +114,7 @@ impl Bench {
         }
     }
 
-    /// The strongest echo of a scan.
+    /// Strongest echo of a scan.
     fn see(&mut self, frame: u32) -> Option<Echo> {
         let codes = shot(&mut self.front_end, &self.analog, frame, self.samples);
         echoloop_kernels::process(&self.pipeline, &codes, &mut self.scratch).first().copied()
@@ -125,16 +126,10 @@ impl Bench {
     }
 }
 
-fn mean_and_std(values: &[f64]) -> (f64, f64) {
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
-}
-
 // The link budget, energy and noise.
 
 #[test]
-fn the_link_budget_meets_every_check_value_of_the_physics() {
+fn the_link_budget_agrees_with_the_table_of_the_physics() {
     // The table's currents include the extinction of clear air, 9·10⁻⁵ /m.
     let receiver = Receiver { extinction_per_m: 9e-5, ..Receiver::default() };
     let near = |got: f64, expected: f64| (got / expected - 1.0).abs() < 0.006;
@@ -150,8 +145,8 @@ fn the_link_budget_meets_every_check_value_of_the_physics() {
 
 #[test]
 fn a_pulse_carries_exactly_its_power_times_its_width() {
-    // Σ x·Δ of a sin² pulse over a whole number of samples is A·W at every phase; what is left is
-    // rounding, below 1/A codes.
+    // Σ x·Δ of a sin² pulse over a whole number of samples is A·W at every phase; the rounding of
+    // codes leaves an error below 1/A.
     let receiver = silent();
     for width_ns in [2.0, 3.1, 5.0, 8.0, 13.7, 20.0] {
         for samples in [5, 8, 17, 40] {
@@ -210,7 +205,7 @@ fn shot_noise_grows_linearly_with_the_signal_at_the_slope_of_the_physics() {
         squares += signal_ua * signal_ua / expected.powi(2);
     }
     let slope = products / squares;
-    // one standard error: about 0.5 %
+    // One standard error of the slope, about 0.5 %.
     let error = confidence / squares.sqrt() / receiver.shot_variance_ua();
     assert!(error < 0.01, "{error}");
     assert!((slope / receiver.shot_variance_ua() - 1.0).abs() < 4.0 * error, "{slope} µA");
@@ -227,8 +222,7 @@ fn ambient_light_does_not_depend_on_range() {
     for range_m in [5.0, 30.0, 100.0] {
         let all = ensemble(&receiver, &analog, &[wall(range_m, 0.01)], 800, SHOTS);
         let sigma = all[0].1.sqrt();
-        // Before the shot, and in the first and last part of the window that the echo does not
-        // touch.
+        // Before the shot, and in parts of the window without an echo.
         for span in [0..100, 100..130, 500..600, 820..900] {
             let count = span.len() as f64 * f64::from(SHOTS);
             let mean = all[span.clone()].iter().map(|s| s.0).sum::<f64>() / span.len() as f64;
@@ -240,8 +234,7 @@ fn ambient_light_does_not_depend_on_range() {
     }
 }
 
-/// Error of the matched filter's parabola, mm, on codes; the estimator that the table was made
-/// with.
+/// Range error of a parabola behind a matched filter, mm: the estimator of the physics' table.
 fn filter_error_mm(codes: &[u16], centre: f64) -> f64 {
     let tap = |k: i32| 0.5 + 0.5 * (PI * f64::from(k) / 5.0).cos();
     let y = |n: i32| (-4..=4).map(|k| tap(k) * f64::from(codes[(n + k) as usize])).sum::<f64>();
@@ -255,10 +248,11 @@ fn filter_error_mm(codes: &[u16], centre: f64) -> f64 {
 }
 
 #[test]
-fn the_converter_costs_what_the_quantisation_table_says() {
+fn quantisation_widens_the_spread_as_in_the_table_of_the_physics() {
     const LEVELS: u32 = 100;
     const PHASES: u32 = 60;
-    // (amplitude over full scale, bits, mm): S = 10 at 1 GS/s, benches/record/physics.md §4.
+    // (amplitude relative to full scale, bits, mm, tolerance) for S = 10 at 1 GS/s,
+    // benches/record/physics.md §4.
     for (fraction, bits, table_mm, within) in [
         (0.05, 8, 21.6, 0.04),
         (0.05, 12, 21.3, 0.04),
@@ -290,7 +284,7 @@ fn the_converter_costs_what_the_quantisation_table_says() {
                     filter_error_mm(&shot(&mut front_end, &ANALOG, phase, 200), centre).powi(2);
             }
         }
-        // standard error 0.9 % for normal errors
+        // Standard error 0.9 % for normal errors.
         let std_mm = (squares / f64::from(LEVELS * PHASES)).sqrt();
         assert!(
             (std_mm / table_mm - 1.0).abs() < within,
@@ -331,7 +325,7 @@ fn results_do_not_depend_on_the_number_of_sub_rays() {
                 Scanner::scan(&caster, &[MATT], &Pose::identity(), &[[1.0, 0.0, 0.0]], &optics);
             let receiver = Receiver { subrays, ..Receiver::default() };
             let mut bench = Bench::new(&receiver, response.of(0));
-            let (mean, std) = mean_and_std(&bench.ranges_m(SCANS));
+            let (mean, std) = mean_and_deviation(&bench.ranges_m(SCANS));
             let strength: f32 = response.of(0).iter().map(|r| r.strength_per_m2).sum();
             let amplitude_ua = receiver.peak_current_ua(75.0, 95.0, strength.into());
             let noise_ua = receiver.quiescent_variance_ua2()
@@ -354,8 +348,8 @@ fn in_weather(receiver: Receiver, kind: Precipitation, value: f64) -> Receiver {
 }
 
 #[test]
-fn a_target_in_fog_falls_by_the_extinction_of_the_way_there_and_back() {
-    // A bright target, so that what the fog itself sends back does not count: below 10⁻³ of it.
+fn a_target_in_fog_is_weaker_by_the_extinction_of_the_round_trip() {
+    // A bright target, so that the light of the fog is below 10⁻³ of it.
     for (range_m, visibility_m) in [(10.0, 50.0), (20.0, 100.0), (60.0, 200.0)] {
         let peak = |receiver: &Receiver| {
             let mut analog = Analog { power_w: 5.0, gain_db: -30.0, ..ANALOG };
@@ -387,9 +381,9 @@ fn a_target_in_fog_falls_by_the_extinction_of_the_way_there_and_back() {
 }
 
 #[test]
-fn a_far_wall_in_rain_and_snow_falls_by_the_extinction_of_the_way_there_and_back() {
-    // Beyond every drop and flake that is met one by one (60 m at most), so bright that the
-    // medium's own light does not count. dB/km by hand from Rec. ITU-R P.1814 at 905 nm.
+fn a_far_wall_in_rain_and_snow_is_weaker_by_the_extinction_of_the_round_trip() {
+    // Beyond the range of single drops and flakes (60 m at most), and so bright that the medium's
+    // light does not count. dB/km computed by hand from Rec. ITU-R P.1814 at 905 nm.
     let table = [
         (Precipitation::Rain, 10.0, 5.033),
         (Precipitation::Rain, 50.0, 14.80),
@@ -411,10 +405,10 @@ fn a_far_wall_in_rain_and_snow_falls_by_the_extinction_of_the_way_there_and_back
                 )
             };
             let (dimmed, clear) = (peak(&in_weather(silent(), kind, rate_mm_h)), peak(&silent()));
-            // e^(−2αR), the loss of power of 10·log₁₀
+            // e^(−2αR), from dB/km.
             let expected = 10f64.powf(-2.0 * range_m * db_per_km / 1e4);
             let got = dimmed / clear;
-            // The coefficients' four digits over the way, and the rounding of both peaks.
+            // The coefficients have four digits, and both peaks are rounded.
             assert!(
                 (got / expected - 1.0).abs() < 2e-3 + 1.0 / dimmed,
                 "{kind:?} {rate_mm_h} mm/h, {range_m} m: {got} of {expected}"
@@ -424,7 +418,7 @@ fn a_far_wall_in_rain_and_snow_falls_by_the_extinction_of_the_way_there_and_back
 }
 
 #[test]
-fn fog_shines_at_short_range_grows_with_its_density_and_clips() {
+fn backscatter_of_fog_peaks_at_short_range_grows_with_density_and_clips() {
     let peak = |visibility_m: f64, gain_db: f64| {
         let fog = in_weather(silent(), Precipitation::Fog, visibility_m);
         let codes = waveform(&fog, &Analog { gain_db, ..ANALOG }, &[], 400);
@@ -437,7 +431,7 @@ fn fog_shines_at_short_range_grows_with_its_density_and_clips() {
         // The light of 1 to 2 m, half a pulse later.
         assert!((at - 5.0) * METRES_PER_NS < 2.0, "{visibility_m} m: peak at sample {at}");
         assert!(height > previous, "{visibility_m} m: {height} codes");
-        // In proportion to 1/MOR but for the extinction on the first metres.
+        // In proportion to 1/MOR except for the extinction on the first metres.
         let expected = height * visibility_m / 998.0 / peak(998.0, -30.0).1;
         let alpha = 20f64.ln() / visibility_m;
         assert!(
@@ -453,11 +447,11 @@ fn fog_shines_at_short_range_grows_with_its_density_and_clips() {
             "{visibility_m} m: at 0 dB it fills the converter"
         );
     }
-    assert!(peak(998.0, 0.0).1 < 16_383.0, "the thinnest does not");
+    assert!(peak(998.0, 0.0).1 < 16_383.0, "the thinnest fog does not");
 }
 
 #[test]
-fn a_far_wall_is_lost_in_fog_and_the_fog_is_seen_instead() {
+fn in_dense_fog_the_fog_is_seen_instead_of_a_far_wall() {
     let wall = [wall(60.0, 0.3)];
     let clear: Vec<f64> = Bench::new(&Receiver::default(), &wall).ranges_m(100);
     assert!(clear.iter().all(|r| (r - 60.0).abs() < 0.1) && clear.len() == 100);
@@ -485,13 +479,13 @@ fn single_drops_are_seen_near_and_differ_from_scan_to_scan_but_not_from_shot_to_
 // Channels, timing and modes.
 
 #[test]
-fn timing_jitter_spreads_ranges_by_half_the_way_that_light_goes_in_it() {
+fn timing_jitter_spreads_ranges_by_half_the_distance_of_light() {
     const SCANS: u32 = 4_000;
     let wall = [wall(60.0, 0.1)];
-    let (_, still) = mean_and_std(&Bench::new(&Receiver::default(), &wall).ranges_m(SCANS));
+    let (_, still) = mean_and_deviation(&Bench::new(&Receiver::default(), &wall).ranges_m(SCANS));
     for jitter_ns in [0.2, 0.5, 1.0] {
         let receiver = Receiver { timing_jitter_ns: jitter_ns, ..Receiver::default() };
-        let (mean, std) = mean_and_std(&Bench::new(&receiver, &wall).ranges_m(SCANS));
+        let (mean, std) = mean_and_deviation(&Bench::new(&receiver, &wall).ranges_m(SCANS));
         let expected = (jitter_ns * METRES_PER_NS).hypot(still);
         let confidence = 4.0 / f64::from(2 * SCANS).sqrt(); // four standard errors: 4.5 %
         assert!(
@@ -505,8 +499,7 @@ fn timing_jitter_spreads_ranges_by_half_the_way_that_light_goes_in_it() {
     }
 }
 
-/// The echoes of a small scanner before a wall, beam by beam; what reaches it, it got through the
-/// configuration.
+/// Amplitude of each beam's echo, in scans of a wall by a small sensor with this configuration.
 fn scans(text: &str, count: u32) -> Vec<Vec<Option<f64>>> {
     let text = format!("[scanner]\ncolumns = 12\nrows = 32\n{text}");
     let config: RunConfig = toml::from_str(&text).unwrap();
@@ -531,7 +524,7 @@ fn scans(text: &str, count: u32) -> Vec<Vec<Option<f64>>> {
 fn dead_channels_have_no_echoes_in_any_scan() {
     let scans = scans("[receiver]\ndead_channels = 0.25\n", 3);
     let dead: Vec<usize> = (0..32).filter(|&row| scans[0][row].is_none()).collect();
-    assert!((2..=16).contains(&dead.len()), "{dead:?}"); // binomial of 32 at ¼: beyond 1 in 5 000
+    assert!((2..=16).contains(&dead.len()), "{dead:?}"); // all but 1 in 5000 of binomial(32, ¼)
     for scan in &scans {
         for (beam, echo) in scan.iter().enumerate() {
             assert_eq!(echo.is_none(), dead.contains(&(beam % 32)), "beam {beam}");
@@ -540,7 +533,7 @@ fn dead_channels_have_no_echoes_in_any_scan() {
 }
 
 #[test]
-fn weak_channels_are_weaker_by_what_they_lose() {
+fn weak_channels_are_weaker_by_the_configured_loss() {
     let sound = scans("", 1).remove(0);
     let weak = scans("[receiver]\nweak_channels = 0.5\nweak_channel_db = 6.0\n", 1).remove(0);
     let ratios: Vec<f64> = sound.iter().zip(&weak).map(|(a, b)| b.unwrap() / a.unwrap()).collect();
@@ -551,22 +544,22 @@ fn weak_channels_are_weaker_by_what_they_lose() {
         low.len(),
         same.len()
     );
-    assert!((mean_and_std(&low).0 - 0.2512).abs() < 0.003, "{:?}", mean_and_std(&low));
-    assert!(same.iter().all(|&r| r == 1.0), "sound channels keep their very codes");
+    assert!((mean_and_deviation(&low).0 - 0.2512).abs() < 0.003, "{:?}", mean_and_deviation(&low));
+    assert!(same.iter().all(|&r| r == 1.0), "intact channels are unchanged");
 }
 
 #[test]
-fn the_same_firmware_reads_the_compatibility_mode() {
+fn the_same_firmware_detects_echoes_of_the_compatibility_mode() {
     let receiver = Receiver { mode: Mode::LitlCompat, ..Receiver::default() };
     for range_m in [10.0, 20.0, 30.0] {
         let mut bench = Bench::new(&receiver, &[wall(range_m, 0.2)]);
         let echoes: Vec<Echo> = (0..500).filter_map(|frame| bench.see(frame)).collect();
         assert_eq!(echoes.len(), 500, "{range_m} m");
-        let (mean, std) = mean_and_std(&echoes.iter().map(Echo::range_m).collect::<Vec<_>>());
+        let (mean, std) = mean_and_deviation(&echoes.iter().map(Echo::range_m).collect::<Vec<_>>());
         assert!((mean - range_m).abs() < 0.005 + 4.0 * std / 500f64.sqrt(), "{range_m} m: {mean}");
         let amplitude: Vec<f64> = echoes.iter().map(|e| e.amplitude_fraction().to_num()).collect();
         let expected = litl::POWER * litl::SCALE_M2 * 0.2 / range_m / range_m / litl::SATURATION;
-        let (mean, _) = mean_and_std(&amplitude);
+        let (mean, _) = mean_and_deviation(&amplitude);
         assert!((mean / expected - 1.0).abs() < 0.03, "{range_m} m: {mean} instead of {expected}");
     }
 }
@@ -590,7 +583,7 @@ fn moving(motion: Motion) -> RunConfig {
     config
 }
 
-/// Points of a scan of the wall, laid out as from one pose: beam, x, y in m.
+/// Points of a scan of the wall, computed as if from one pose: beam, x, y in m.
 fn points(config: &RunConfig, viewpoint: u32) -> Vec<(usize, f64, f64)> {
     let beams = config.scanner.beams();
     let directions = beams.directions(viewpoint);
@@ -609,13 +602,13 @@ fn a_wall_shears_as_the_velocity_says() {
     assert_eq!(points.len(), 480);
     for (beam, x, _) in points {
         let t = ((beam as f64 + 0.5) / 480.0 - 0.5) * 0.1;
-        // The sensor has come 30·t nearer when it measures; the point is laid out as if it had not.
+        // The sensor is 30·t nearer when it measures; the point is computed as if it were not.
         assert!((x - (20.0 - 30.0 * t)).abs() < 1e-4, "beam {beam}: {x} m");
     }
 }
 
 #[test]
-fn a_wall_shears_by_when_each_laser_of_a_spinning_sensor_fires() {
+fn a_wall_shears_by_the_firing_times_of_a_spinning_sensor_s_lasers() {
     let mut config =
         moving(Motion { duration_s: 0.1, linear_m_s: [30.0, 0.0, 0.0], ..Motion::default() });
     config.scanner = ScannerConfig::of("vlp-16");
@@ -632,7 +625,7 @@ fn a_wall_shears_by_when_each_laser_of_a_spinning_sensor_fires() {
 }
 
 #[test]
-fn a_rosette_s_scan_is_laid_out_by_the_beams_of_its_own_viewpoint() {
+fn points_of_a_rosette_s_scan_use_the_beams_of_its_own_viewpoint() {
     let mut config = moving(Motion::default());
     config.scanner = ScannerConfig::of("livox-mid-40");
     config.scanner.beams = Some(600);
@@ -643,7 +636,7 @@ fn a_rosette_s_scan_is_laid_out_by_the_beams_of_its_own_viewpoint() {
     let response = respond_at(&config, &place(), &Pose::identity(), 5, &beams);
     let others = beams.directions(4);
     let off = |beam: &usize| (response.of(*beam)[0].range_m * others[*beam].x - 20.0).abs() > 0.01;
-    assert!((0..600).filter(off).count() > 500, "another viewpoint's beams are others");
+    assert!((0..600).filter(off).count() > 500, "another viewpoint has other beams");
 }
 
 #[test]
@@ -653,14 +646,14 @@ fn a_wall_turns_into_a_curve_as_the_angular_velocity_says() {
     for (beam, x, y) in points(&config, 1) {
         let t = ((beam as f64 + 0.5) / 480.0 - 0.5) * 0.1;
         let turn = (50.0 * t).to_radians();
-        // Turned back by what the sensor had turned, the point is on the wall.
+        // Turned back by the sensor's rotation, the point is on the wall.
         let there = x * turn.cos() - y * turn.sin();
         assert!((there - 20.0).abs() < 1e-4, "beam {beam}: {there} m");
     }
 }
 
 #[test]
-fn a_sensor_that_stands_still_scans_as_ever() {
+fn a_sensor_that_stands_still_scans_as_without_motion() {
     let plain = moving(Motion::default());
     let beams = plain.scanner.beams();
     let directions = beams.directions(1);
@@ -679,22 +672,22 @@ fn a_sensor_that_stands_still_scans_as_ever() {
 }
 
 #[test]
-fn shaking_spreads_the_points_of_a_wall_and_differs_from_scan_to_scan() {
+fn vibration_spreads_the_points_of_a_wall_and_differs_from_scan_to_scan() {
     let config =
         moving(Motion { jitter_mm: 20.0, jitter_per: JitterPer::Beam, ..Motion::default() });
     let (one, again, other) = (points(&config, 1), points(&config, 1), points(&config, 2));
     assert_eq!(one, again);
     assert_ne!(one, other);
-    let (mean, std) = mean_and_std(&one.iter().map(|p| p.1).collect::<Vec<_>>());
+    let (mean, std) = mean_and_deviation(&one.iter().map(|p| p.1).collect::<Vec<_>>());
     assert!((mean - 20.0).abs() < 4.0 * 0.02 / 480f64.sqrt(), "{mean} m");
-    // four standard errors: 13 %
+    // Four standard errors, 13 %.
     assert!((std / 0.02 - 1.0).abs() < 4.0 / 960f64.sqrt(), "{std} m");
 }
 
-// All off.
+// All options off.
 
 #[test]
-fn with_every_switch_off_the_codes_are_those_of_the_plain_front_end() {
+fn with_every_option_off_the_codes_are_those_of_the_plain_front_end() {
     use echoloop_frontend::{Exposure, ShotBuffers, before_the_trigger, noise_key, synthesise};
     let returns = [wall(12.0, 0.1), wall(60.0, 0.3)];
     let receiver = RunConfig::default().front_end();
@@ -716,9 +709,9 @@ fn with_every_switch_off_the_codes_are_those_of_the_plain_front_end() {
 }
 
 #[test]
-fn the_reference_sensor_is_that_of_the_firmware_but_for_its_units() {
+fn the_compatibility_mode_has_the_reference_sensor_s_window_and_its_own_units() {
     let litl = hardware_for(&Receiver { mode: Mode::LitlCompat, ..Receiver::default() });
-    // ρ = 1 at 1 m and 1 W: 200/75 · 720 units of 1000.
+    // ρ = 1 at 1 m and 1 W: 200/75 · 720 units, of 1000 at full scale.
     assert_eq!(litl.unit_echo_milli, 1_920);
     assert_eq!(litl.shot_noise_ppm, 1_000);
     assert_eq!(litl.range_max_mm, Hardware::REFERENCE.range_max_mm);

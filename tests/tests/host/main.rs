@@ -1,5 +1,5 @@
-//! The host with a sensor in process: front end, scan patterns, the loop. One program, for cargo
-//! links each file of its own with everything we have. One file alone:
+//! Tests of the host with a sensor in process: front end, scan patterns, closed loop. They are one
+//! program, because cargo links each test file with all dependencies. To run one file:
 //! `cargo test -p echoloop-tests --test host closed_loop::`.
 #![allow(clippy::unwrap_used, reason = "tests")]
 

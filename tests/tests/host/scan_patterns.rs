@@ -1,4 +1,4 @@
-//! Scan patterns: the sensor's own projection against the host's, and scans of them end to end.
+//! Scan patterns: the sensor's projection against the host's, and scans from end to end.
 
 use std::collections::HashSet;
 use std::f32::consts::PI;
@@ -25,7 +25,7 @@ fn pattern(name: &str) -> ScanPattern {
 }
 
 #[test]
-fn the_sensor_s_projection_is_the_host_s_to_a_millionth_for_every_pattern_and_beam() {
+fn sensor_and_host_agree_on_every_beam_s_direction_to_a_millionth() {
     let odd = Grid { columns: 333, rows: 77, azimuth_cdeg: 36_000, elevation_cdeg: 4_321 };
     let grids = [ScanPattern::Grid(odd), ScanPattern::Raster(odd)];
     let named = ["grid", "raster", "livox-mid-40"].iter().chain(&SPINNING).map(|n| pattern(n));
@@ -53,7 +53,7 @@ fn the_sensor_s_projection_is_the_host_s_to_a_millionth_for_every_pattern_and_be
 }
 
 #[test]
-fn no_two_beams_of_a_scan_point_alike() {
+fn all_beams_of_a_scan_have_different_directions() {
     for name in ["grid", "raster"].iter().chain(&SPINNING) {
         let beams = Beams::new(pattern(name));
         let directions = beams.directions(1);
@@ -64,7 +64,7 @@ fn no_two_beams_of_a_scan_point_alike() {
 }
 
 #[test]
-fn a_rosette_s_scans_have_no_beam_in_common_in_ten() {
+fn ten_scans_of_a_rosette_share_hardly_any_beam() {
     let beams = Beams::new(pattern("livox-mid-40"));
     let bits = |d: &Vector3<f32>| [d.x, d.y, d.z].map(f32::to_bits);
     let scans: Vec<HashSet<_>> =
@@ -78,9 +78,9 @@ fn a_rosette_s_scans_have_no_beam_in_common_in_ten() {
     }
 }
 
-/// The lowest ring is the lowest laser, whatever the maker's order.
+/// Rings count lasers by elevation, not in the maker's order.
 #[test]
-fn rings_of_a_head_rise_and_columns_count_the_turn() {
+fn rings_rise_with_elevation_and_columns_count_along_the_turn() {
     for name in SPINNING {
         let beams = Beams::new(pattern(name));
         let lasers = u32::from(beams.pattern().channels());
@@ -95,11 +95,11 @@ fn rings_of_a_head_rise_and_columns_count_the_turn() {
 }
 
 #[test]
-fn the_time_of_a_beam_is_when_its_sensor_fires_it() {
+fn the_time_of_a_beam_is_the_firing_time_of_its_laser() {
     let near = |got: f64, expected: f64| {
         assert!((got - expected).abs() < 1e-9, "{got} for {expected}");
     };
-    // A round of a VLP-16 at 10 Hz and 1808 columns takes 55.31 µs, its lasers 1/24 of it each.
+    // A column of a VLP-16 at 10 Hz and 1808 columns takes 55.31 µs, each laser 1/24 of it.
     let vlp = Beams::new(pattern("vlp-16"));
     let round = 0.1 / 1808.0;
     near(vlp.time_s(16 * 100 + 7, 0.1), (100.0 + 7.5 / 24.0) * round);
@@ -110,7 +110,7 @@ fn the_time_of_a_beam_is_when_its_sensor_fires_it() {
     near(grid.time_s(64, 0.1), 64.5 / 12_288.0 * 0.1);
 }
 
-/// A wall around the sensor, 20 m away.
+/// A wall all around the sensor, at 20 m.
 fn tube(beams: u32) -> Arc<SceneResponse> {
     let back = Return { range_m: 20.0, strength_per_m2: 0.5 / PI / 400.0 };
     SceneResponse { beams: (0..=beams).collect(), returns: vec![back; beams as usize] }.into()
@@ -128,7 +128,7 @@ fn a_scan_of_131072_beams_comes_over_the_link_whole() {
     let view = View { scene: &scene, noise_seed: 3, scan: 1, viewpoint: 1 };
     let scan = sensor.scan(&view).expect("a scan");
     assert_eq!(scan.len(), 131_072);
-    // A laser is heard in every column or in none.
+    // A laser has echoes in every column or in none.
     let heard = |laser: usize| (0..1024).filter(|c| !scan[c * 128 + laser].is_empty()).count();
     let counts: Vec<usize> = (0..128).map(heard).collect();
     let dead = counts.iter().filter(|count| **count == 0).count();

@@ -1,5 +1,5 @@
-//! The sensor against the clock: a shot is under way while the one before it is worked on, and
-//! scans that take longer than their deadline are counted.
+//! Timing of the sensor: the next shot is fired before the last one is processed, and scans that
+//! take longer than their deadline are counted.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -26,7 +26,7 @@ const PATTERN: ScanPattern =
     ScanPattern::Grid(Grid { columns: 5, rows: 8, azimuth_cdeg: 9_000, elevation_cdeg: 3_000 });
 const ONCE: RetryPolicy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
 
-/// What a board was made to do.
+/// An action of the board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Event {
     Fire { beam: u32, shot: u32 },
@@ -65,7 +65,7 @@ impl SpiDevice for Chip {
     }
 }
 
-/// A line: what goes in, and what comes out.
+/// A line: bytes to the sensor, and bytes from it.
 #[derive(Default)]
 struct Line {
     heard: std::collections::VecDeque<u8>,
@@ -101,7 +101,7 @@ impl embedded_io::Write for Line {
     }
 }
 
-/// A board that notes what it is made to do.
+/// A board that logs its actions.
 struct Noting {
     emitter: Chip,
     adc: Chip,
@@ -177,7 +177,7 @@ fn ask(app: &mut App<Noting>, number: u16, command: &Command<'_>) -> Report {
 }
 
 #[test]
-fn a_shot_is_fired_before_the_one_before_it_is_worked_on_and_none_is_fired_for_nothing() {
+fn the_next_shot_is_fired_before_the_last_one_is_processed_and_none_in_vain() {
     let (mut app, log) = noting();
     ask(&mut app, 1, &Command::Hello(Greeting::OURS));
     let settings = Settings { shots: 2, ..Settings::default() };
@@ -195,7 +195,7 @@ fn a_shot_is_fired_before_the_one_before_it_is_worked_on_and_none_is_fired_for_n
             take,
             fire(7, 1),
             take,
-            fire(8, 0), // before beam 7 is worked on
+            fire(8, 0), // before beam 7 is processed
             detect,
             take,
             fire(8, 1),
@@ -205,7 +205,7 @@ fn a_shot_is_fired_before_the_one_before_it_is_worked_on_and_none_is_fired_for_n
     );
 }
 
-/// A sensor whose clock goes on by so many microseconds whenever it is looked at: twice a command.
+/// A sensor whose clock advances by some microseconds at each reading: twice per command.
 fn timed(step_us: u32) -> Client<InProcess<Target>> {
     let mut sensor = PcSensor::new(Target::default(), PATTERN, Hardware::REFERENCE);
     let mut now = u32::MAX - 10; // it wraps
@@ -216,7 +216,7 @@ fn timed(step_us: u32) -> Client<InProcess<Target>> {
     Client::connect(InProcess(sensor), ONCE).unwrap()
 }
 
-/// Forty beams are two questions.
+/// Requests of a scan of forty beams.
 const QUESTIONS: u32 = 2;
 
 #[test]
@@ -234,8 +234,8 @@ fn a_scan_that_takes_longer_than_its_deadline_is_late() {
     }
 }
 
-/// What a sensor says last of these questions, a second apart; its clock goes on by 50 µs whenever
-/// it is looked at.
+/// Times that a sensor reports after these commands, a second apart; its clock advances by 50 µs at
+/// each reading.
 fn times_after(questions: &[Command<'_>]) -> Times {
     let now = Arc::new(AtomicU32::new(0));
     let mut sensor = PcSensor::new(Target::default(), PATTERN, Hardware::REFERENCE);
@@ -255,13 +255,13 @@ fn times_after(questions: &[Command<'_>]) -> Times {
 
 const HELLO: Command<'_> = Command::Hello(Greeting::OURS);
 const DEADLINE: Command<'_> = Command::SetDeadline { scan_us: 150 };
-/// The beams of a scan, in two questions.
+/// The two requests of a scan.
 const FIRST: Command<'_> = Command::ReadBeams { frame: 9, first: 0, count: 32 };
 const REST: Command<'_> = Command::ReadBeams { frame: 9, first: 32, count: 8 };
 
 #[test]
-fn what_the_host_does_between_its_questions_makes_no_scan_late() {
-    // The answer to the first was lost: what is asked twice counts twice.
+fn time_between_the_host_s_requests_makes_no_scan_late() {
+    // The answer to the first request was lost: a repeated request counts twice.
     let times = times_after(&[HELLO, DEADLINE, FIRST, FIRST, REST, Command::ReadTimes]);
     let (last_us, longest_us) = (150, 150);
     let expected = Times { clock: true, deadline_us: 150, scans: 1, late: 0, last_us, longest_us };
@@ -269,7 +269,7 @@ fn what_the_host_does_between_its_questions_makes_no_scan_late() {
 }
 
 #[test]
-fn a_scan_of_another_session_is_another_scan_although_its_number_is_the_same() {
+fn a_scan_of_another_session_is_another_scan_even_with_the_same_number() {
     let whole = [HELLO, DEADLINE, FIRST, REST];
     let given_up = [HELLO, FIRST];
     let again = [HELLO, FIRST, REST, Command::ReadTimes];
@@ -278,7 +278,7 @@ fn a_scan_of_another_session_is_another_scan_although_its_number_is_the_same() {
 }
 
 #[test]
-fn waveforms_that_travel_are_timed_as_those_of_the_board_s_own() {
+fn scans_of_waveforms_over_the_link_are_timed_as_well() {
     let mut client = timed(50);
     client.set_deadline(1).unwrap();
     let room = Room { frames: 1, ..client.read_room().unwrap() };
@@ -293,7 +293,7 @@ fn waveforms_that_travel_are_timed_as_those_of_the_board_s_own() {
 }
 
 #[test]
-fn a_board_without_a_clock_says_so() {
+fn a_board_without_a_clock_reports_so() {
     let sensor = PcSensor::new(Target::default(), PATTERN, Hardware::REFERENCE);
     let mut client = Client::connect(InProcess(sensor), ONCE).unwrap();
     client.set_deadline(1).unwrap();

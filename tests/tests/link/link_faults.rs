@@ -1,5 +1,5 @@
-//! A line that loses, changes, repeats and cuts what it carries: nothing wrong is ever committed,
-//! and nothing hangs.
+//! A line that loses, changes, repeats and cuts messages: no wrong settings are ever committed, and
+//! nothing hangs.
 
 use std::cell::RefCell;
 use std::io;
@@ -15,18 +15,33 @@ use echoloop_sensor::store;
 use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
 use echoloop_sensors::transport::{InProcess, Transport};
-use echoloop_tests::faults::{Faulty, Rates};
+use echoloop_tests::faults::{Faulty, Rates, Shared};
 use echoloop_tests::vectors;
 use rand::RngExt;
 
 fn sensor() -> InProcess<WaveformFrontEnd> {
-    let scene = SceneResponse { beams: vec![0; 9], returns: Vec::new() };
-    let front_end = WaveformFrontEnd::new(Receiver::default(), Arc::new(scene), 1);
-    let pattern = ScanPattern::Grid(Grid { columns: 4, rows: 2, ..Grid::default() });
+    sensor_with(4, 2)
+}
+
+/// A sensor with more beams than a report holds.
+fn wide_sensor() -> InProcess<WaveformFrontEnd> {
+    sensor_with(8, 8)
+}
+
+fn sensor_with(columns: u16, rows: u16) -> InProcess<WaveformFrontEnd> {
+    let pattern = ScanPattern::Grid(Grid { columns, rows, ..Grid::default() });
+    let scene = Arc::new(SceneResponse::empty(pattern.beams()));
+    let front_end = WaveformFrontEnd::new(Receiver::default(), scene, 1);
     InProcess(PcSensor::new(front_end, pattern, Hardware::REFERENCE))
 }
 
-/// A harmless reader's view of what is active, past the faults.
+const fn tries(tries: u32) -> RetryPolicy {
+    RetryPolicy { timeout: Duration::from_secs(1), tries }
+}
+
+const ONCE: RetryPolicy = tries(1);
+
+/// Active settings, read without faults.
 fn active(client: &mut Client<Faulty<InProcess<WaveformFrontEnd>>>) -> Settings {
     let rates = std::mem::replace(&mut client.transport_mut().rates, Rates::NONE);
     let settings = client.read_settings().unwrap();
@@ -37,11 +52,10 @@ fn active(client: &mut Client<Faulty<InProcess<WaveformFrontEnd>>>) -> Settings 
 #[test]
 fn a_bad_line_never_commits_what_was_not_asked_for() {
     for (rate, retry_policy, at_least) in
-        [(0.01, 8, 499), (0.05, 8, 490), (0.2, 8, 300), (0.05, 1, 180)]
+        [(0.01, tries(8), 499), (0.05, tries(8), 490), (0.2, tries(8), 300), (0.05, ONCE, 180)]
     {
         let mut rng = vectors::rng(11);
         let line = Faulty::new(sensor(), 12);
-        let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: retry_policy };
         let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
         client.transport_mut().rates = Rates::all(rate);
         let (mut done, mut reported) = (0, 0);
@@ -57,8 +71,7 @@ fn a_bad_line_never_commits_what_was_not_asked_for() {
                 }
                 Err(ClientError::Silent { .. }) => {
                     reported += 1;
-                    // Old or new; the client was left unsure, and this test looks without its
-                    // knowing better.
+                    // Old or new; the client does not know which, and this test does not tell it.
                     let now = active(&mut client);
                     assert!(now == before || now == wanted, "at rate {rate}: {now:?}");
                     before = now;
@@ -80,8 +93,7 @@ fn a_bad_line_never_commits_what_was_not_asked_for() {
 #[test]
 fn a_client_that_lost_the_answer_to_its_commit_finds_out_and_goes_on() {
     let line = Faulty::new(sensor(), 1);
-    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
-    let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
+    let mut client = Client::connect_from(line, ONCE, 0).unwrap();
     let mut lost = 0;
     for step in 0..200 {
         let wanted = Settings { gain_cdb: step, ..Settings::default() };
@@ -97,8 +109,7 @@ fn a_client_that_lost_the_answer_to_its_commit_finds_out_and_goes_on() {
 #[test]
 fn scans_over_a_bad_line_are_whole_or_reported() {
     let line = Faulty::new(sensor(), 3);
-    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 6 };
-    let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
+    let mut client = Client::connect_from(line, tries(6), 0).unwrap();
     let expected = client.scan(1).unwrap();
     client.transport_mut().rates = Rates::all(0.1);
     let mut whole = 0;
@@ -115,33 +126,14 @@ fn scans_over_a_bad_line_are_whole_or_reported() {
     assert!(whole > 200, "{whole}");
 }
 
-/// A line that several clients use, one after the other.
-struct Shared<T>(Rc<RefCell<T>>);
-
-impl<T> Clone for Shared<T> {
-    fn clone(&self) -> Self {
-        Self(Rc::clone(&self.0))
-    }
-}
-
-impl<T: Transport> Transport for Shared<T> {
-    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.0.borrow_mut().send(bytes)
-    }
-
-    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
-        self.0.borrow_mut().receive(buffer, timeout)
-    }
-}
-
 #[test]
-fn programs_that_start_and_fail_on_a_bad_line_leave_no_sensor_behind_that_the_next_cannot_use() {
+fn a_sensor_stays_usable_after_programs_that_fail_on_a_bad_line() {
     for (rate, at_least) in [(0.01, 390), (0.05, 380), (0.2, 180)] {
         let mut rng = vectors::rng(21);
         let mut line = Faulty::new(sensor(), 22);
         line.rates = Rates::all(rate);
         let line = Shared(Rc::new(RefCell::new(line)));
-        let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 8 };
+        let retry_policy = tries(8);
         let mut before = Settings::default();
         let mut done = 0;
         for frame in 0..400 {
@@ -159,7 +151,7 @@ fn programs_that_start_and_fail_on_a_bad_line_leave_no_sensor_behind_that_the_ne
             let rates = std::mem::replace(&mut line.0.borrow_mut().rates, Rates::NONE);
             let mut read =
                 || Client::connect_from(line.clone(), retry_policy, rng.random())?.read_settings();
-            // what was held back comes during the first
+            // Delayed messages arrive during the first.
             let now = read().or_else(|_| read()).unwrap();
             line.0.borrow_mut().rates = rates;
             match configured {
@@ -182,7 +174,7 @@ fn programs_that_start_and_fail_on_a_bad_line_leave_no_sensor_behind_that_the_ne
     }
 }
 
-/// Carries answers until a given number have passed, then none.
+/// Line that carries a number of answers, then none.
 struct Muted<T> {
     inner: T,
     answers_left: usize,
@@ -205,10 +197,9 @@ impl<T: Transport> Transport for Muted<T> {
 
 #[test]
 fn an_answer_lost_in_an_open_scan_does_not_lock_the_sensor() {
-    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
     for answers in 0..6 {
         let line = Muted { inner: wide_sensor(), answers_left: usize::MAX };
-        let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
+        let mut client = Client::connect_from(line, ONCE, 0).unwrap();
         client.transport_mut().answers_left = 0;
         assert!(matches!(client.scan(1), Err(ClientError::Silent { .. })));
         client.transport_mut().answers_left = answers;
@@ -222,11 +213,9 @@ fn an_answer_lost_in_an_open_scan_does_not_lock_the_sensor() {
 }
 
 #[test]
-fn a_commit_that_a_dead_program_left_pending_is_what_the_next_one_finds() {
-    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
-    let line =
-        Shared(Rc::new(RefCell::new(Muted { inner: wide_sensor(), answers_left: usize::MAX })));
-    let mut first = Client::connect_from(line.clone(), retry_policy, 0).unwrap();
+fn the_next_program_finds_the_settings_that_a_dead_one_committed() {
+    let line = Shared(Rc::new(RefCell::new(wide_sensor())));
+    let mut first = Client::connect_from(line.clone(), ONCE, 0).unwrap();
     let left = Settings { gain_cdb: 1, ..Settings::default() };
     // The program dies in the middle of scan 1, having committed during it.
     let half = [
@@ -245,26 +234,25 @@ fn a_commit_that_a_dead_program_left_pending_is_what_the_next_one_finds() {
             .unwrap();
     }
     while line.clone().receive(&mut [0; 4096], Duration::ZERO).unwrap() > 0 {}
-    let mut second = Client::connect_from(line, retry_policy, 7_000).unwrap();
+    let mut second = Client::connect_from(line, ONCE, 7_000).unwrap();
     assert_eq!(second.read_settings().unwrap(), left);
     second.configure(&Settings { gain_cdb: 2, ..Settings::default() }).unwrap();
 }
 
-fn wide_sensor() -> InProcess<WaveformFrontEnd> {
-    let scene = SceneResponse { beams: vec![0; 65], returns: Vec::new() };
-    let front_end = WaveformFrontEnd::new(Receiver::default(), Arc::new(scene), 1);
-    let pattern = ScanPattern::Grid(Grid { columns: 8, rows: 8, ..Grid::default() });
-    InProcess(PcSensor::new(front_end, pattern, Hardware::REFERENCE))
-}
-
-/// Puts a frame of its own in front of the n-th message to the sensor.
+/// Line that inserts a frame in front of the n-th message to the sensor.
 struct Intruder<T> {
     inner: T,
     sent: usize,
     before: usize,
     first: Vec<u8>,
-    /// What to say; `None` says the first message again.
+    /// The frame to insert; `None`: the first message again.
     frame: Option<Vec<u8>>,
+}
+
+impl<T> Intruder<T> {
+    fn new(inner: T, before: usize, frame: Option<Vec<u8>>) -> Self {
+        Self { inner, sent: 0, before, first: Vec::new(), frame }
+    }
 }
 
 impl<T: Transport> Transport for Intruder<T> {
@@ -285,12 +273,11 @@ impl<T: Transport> Transport for Intruder<T> {
 }
 
 #[test]
-fn a_hello_that_comes_late_costs_nothing() {
-    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
+fn a_late_hello_does_no_harm() {
     let wanted = Settings { gain_cdb: 7, ..Settings::default() };
     for before in 1..6 {
-        let line = Intruder { inner: sensor(), sent: 0, before, first: Vec::new(), frame: None };
-        let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
+        let line = Intruder::new(sensor(), before, None);
+        let mut client = Client::connect_from(line, ONCE, 0).unwrap();
         client.configure(&wanted).unwrap();
         assert_eq!(client.read_settings().unwrap(), wanted, "before message {before}");
         assert_eq!(client.read_counters().unwrap().stale, u32::from(before > 1));
@@ -298,13 +285,12 @@ fn a_hello_that_comes_late_costs_nothing() {
 }
 
 #[test]
-fn a_program_that_begins_just_behind_another_is_heard_all_the_same() {
-    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
+fn a_program_that_counts_from_just_below_another_is_answered() {
     let line = Shared(Rc::new(RefCell::new(sensor())));
     for behind in 0..300 {
-        let mut first = Client::connect_from(line.clone(), retry_policy, 1_000).unwrap();
+        let mut first = Client::connect_from(line.clone(), ONCE, 1_000).unwrap();
         first.read_counters().unwrap();
-        let mut second = Client::connect_from(line.clone(), retry_policy, 1_003 - behind).unwrap();
+        let mut second = Client::connect_from(line.clone(), ONCE, 1_003 - behind).unwrap();
         let wanted = Settings { gain_cdb: i32::from(behind), ..Settings::default() };
         second.configure(&wanted).unwrap();
         assert_eq!(second.read_settings().unwrap(), wanted, "{behind} behind");
@@ -312,9 +298,8 @@ fn a_program_that_begins_just_behind_another_is_heard_all_the_same() {
 }
 
 #[test]
-fn a_hello_and_a_forget_that_come_late_do_not_forget_what_was_saved_since() {
-    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
-    let mut client = Client::connect_from(sensor(), retry_policy, 0).unwrap(); // hello is number 1
+fn a_late_hello_and_a_late_forget_do_not_erase_settings_saved_since() {
+    let mut client = Client::connect_from(sensor(), ONCE, 0).unwrap(); // hello is number 1
     client.forget().unwrap(); // number 3
     client.save().unwrap();
     for (sequence, command) in [(1, Command::Hello(Greeting::OURS)), (3, Command::Forget)] {
@@ -329,21 +314,14 @@ fn a_hello_and_a_forget_that_come_late_do_not_forget_what_was_saved_since() {
 }
 
 #[test]
-fn an_earlier_program_s_late_command_does_not_deafen_the_sensor() {
-    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
+fn a_late_command_of_an_earlier_program_does_not_lock_the_sensor() {
     let wanted = Settings { gain_cdb: 7, ..Settings::default() };
     for sequence in [300, 1_000, 40_000, 65_535] {
         for before in 1..4 {
             let frame =
                 encode(sequence, &Command::ReadCounters, &mut [0; MAX_FRAME]).unwrap().to_vec();
-            let line = Intruder {
-                inner: sensor(),
-                sent: 0,
-                before,
-                first: Vec::new(),
-                frame: Some(frame),
-            };
-            let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
+            let line = Intruder::new(sensor(), before, Some(frame));
+            let mut client = Client::connect_from(line, ONCE, 0).unwrap();
             client.configure(&wanted).unwrap();
             assert_eq!(
                 client.read_settings().unwrap(),
@@ -356,14 +334,12 @@ fn an_earlier_program_s_late_command_does_not_deafen_the_sensor() {
 }
 
 #[test]
-fn a_late_command_that_could_be_ours_deafens_the_sensor_until_the_next_hello() {
-    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 2 };
+fn a_late_command_numbered_like_ours_locks_the_sensor_until_the_next_hello() {
     let wanted = Settings { gain_cdb: 7, ..Settings::default() };
     for before in 2..4 {
         let frame = encode(100, &Command::ReadCounters, &mut [0; MAX_FRAME]).unwrap().to_vec();
-        let line =
-            Intruder { inner: sensor(), sent: 0, before, first: Vec::new(), frame: Some(frame) };
-        let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
+        let line = Intruder::new(sensor(), before, Some(frame));
+        let mut client = Client::connect_from(line, tries(2), 0).unwrap();
         assert!(matches!(client.configure(&wanted), Err(ClientError::Silent { .. })));
         client.configure(&wanted).unwrap();
         assert_eq!(client.read_settings().unwrap(), wanted, "before message {before}");
@@ -371,10 +347,9 @@ fn a_late_command_that_could_be_ours_deafens_the_sensor_until_the_next_hello() {
 }
 
 #[test]
-fn a_sensor_that_was_switched_off_and_on_says_so_and_is_set_anew() {
-    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
+fn a_restarted_sensor_is_noticed_and_configured_again() {
     // Past half of all sequence numbers, which a fresh sensor could take for old ones.
-    let mut client = Client::connect_from(sensor(), retry_policy, 40_000).unwrap();
+    let mut client = Client::connect_from(sensor(), ONCE, 40_000).unwrap();
     let wanted = Settings { gain_cdb: 7, ..Settings::default() };
     client.configure(&wanted).unwrap();
     *client.transport_mut() = sensor();
@@ -384,7 +359,7 @@ fn a_sensor_that_was_switched_off_and_on_says_so_and_is_set_anew() {
     assert_eq!(client.read_settings().unwrap(), wanted);
 }
 
-/// A line that never falls quiet and never makes sense.
+/// Line of endless garbage.
 struct Babble;
 
 impl Transport for Babble {
@@ -402,7 +377,7 @@ impl Transport for Babble {
 }
 
 #[test]
-fn a_line_that_never_falls_quiet_is_given_up_in_time() {
+fn a_line_of_endless_garbage_is_given_up_in_time() {
     let retry_policy = RetryPolicy { timeout: Duration::from_millis(10), tries: 3 };
     let began = Instant::now();
     assert!(matches!(
@@ -413,7 +388,7 @@ fn a_line_that_never_falls_quiet_is_given_up_in_time() {
 }
 
 #[test]
-fn programs_begin_to_count_at_different_numbers() {
+fn programs_start_at_different_sequence_numbers() {
     struct First(Rc<RefCell<Vec<u16>>>);
     impl Transport for First {
         fn send(&mut self, bytes: &[u8]) -> io::Result<()> {

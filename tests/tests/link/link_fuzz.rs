@@ -1,7 +1,7 @@
-//! A million frames over a line that does every harm to one in twenty: nothing wrong is
-//! committed, confirmed or saved, every command ends within its time, and where the line is
-//! good again, which it is after every other command that was given up, the next one is done
-//! within a bound. Time is the line's, so that no load of this machine counts.
+//! A million frames over a line with every fault at a rate of one in twenty: no wrong settings are
+//! committed, confirmed or saved, and every command ends in time. After every other command that
+//! was given up, the line is good for a while, and the next command is done within a bound. Time is
+//! simulated, so the load of the machine does not count.
 //!
 //! `cargo xtask storm` sends ten million: `ECHOLOOP_FRAMES`, and `ECHOLOOP_SEED` for others.
 
@@ -25,18 +25,18 @@ type Line = Faulty<InProcess<Target>>;
 const HARDWARE: Hardware = Hardware::REFERENCE;
 const RETRY_POLICY: RetryPolicy = RetryPolicy { timeout: Duration::from_millis(200), tries: 8 };
 
-/// Within so long every command is answered or given up: all its waits, and frames on the line.
+/// Time within which every command is answered or given up: all its timeouts, and its frames.
 const COMMAND: Duration = Duration::from_millis(8 * 200 + 40);
 
-/// Within so long a line that is good again carries a set of settings to the sensor, and the
-/// echoes of a scan back: as long as some ten frames take. Not one wait is lost, whatever the storm
-/// left behind: half a frame, answers held back, a sensor that has started anew.
+/// Time within which a good line configures the sensor and scans, whatever the faults left behind:
+/// half a frame, delayed answers, a restarted sensor. Some ten frames take as long, so there is no
+/// timeout in it.
 const RECOVERY: Duration = Duration::from_millis(20);
 
-/// Frames to send and answers to get.
+/// Number of frames in both directions.
 const FRAMES: u64 = 1_000_000;
 
-/// A number of the environment.
+/// Number from the environment.
 fn number(name: &str, usual: u64) -> u64 {
     std::env::var(name).map_or(usual, |text| text.parse().unwrap())
 }
@@ -46,42 +46,42 @@ fn sensor(store: RamNorFlash) -> InProcess<Target> {
     InProcess(PcSensor::with_store(Target::default(), pattern, HARDWARE, store))
 }
 
-/// A program that tunes a sensor, and what an observer sees that the program cannot.
+/// A program that tunes a sensor, and an observer of the sensor.
 ///
-/// A command that was given up may still be under way, and act until a later one has been answered;
-/// so what it asked for stays possible until then.
+/// A command that was given up may still arrive until a later one has been answered; until then
+/// its settings may become active.
 struct LinkFuzz {
     client: Client<Line>,
     rng: ChaCha8Rng,
-    /// What is active.
+    /// Active settings.
     active: Settings,
-    /// What may be active next without being asked for: a trial ends, or a command comes late.
+    /// Settings that may become active by the end of a trial or a late command.
     returning: Vec<Settings>,
-    /// What the next start may begin with.
+    /// Settings that the next start may load.
     saved: Vec<Option<Settings>>,
-    /// What each generation since the last start named.
+    /// Settings of each generation since the last start.
     names: HashMap<u32, Settings>,
     frame: u32,
     count: Count,
-    /// The longest that it took to recover.
+    /// Longest recovery.
     recovery: Duration,
 }
 
-/// What became of the operations.
+/// Numbers of operations by result.
 #[derive(Debug, Default)]
 struct Count {
     done: u64,
-    /// No answer in time.
+    /// Without an answer in time.
     silent: u64,
-    /// Answered with a reason, all of which the line can bring about.
+    /// Answered with a refusal that the line can cause.
     nacked: u64,
     starts: u64,
     rollbacks: u64,
-    /// Times that the line was good again after a command had been given up, or a start.
+    /// Recoveries on a good line after a command that was given up, or a start.
     recoveries: u64,
 }
 
-/// Whether an operation was done; `None`: it says it was not.
+/// Result of an operation; `None` when it was not done.
 type Done<T> = Option<T>;
 
 impl LinkFuzz {
@@ -108,7 +108,7 @@ impl LinkFuzz {
         &mut self.client.transport_mut().inner.0
     }
 
-    /// What is active now, checked against everything that may not be.
+    /// Active and saved settings, with the sensor's invariants checked.
     fn look(&mut self) -> (Settings, Option<Settings>) {
         let session = self.sensor().session();
         let (settings, (generation, hash)) = (*session.settings(), session.version());
@@ -120,7 +120,7 @@ impl LinkFuzz {
         (settings, saved)
     }
 
-    /// Counts what an operation came to; anything the line cannot bring about ends the test.
+    /// Counts the result of an operation; panics at one that the line cannot cause.
     fn judge<T>(&mut self, what: &str, result: Result<T, ClientError>) -> Done<T> {
         match result {
             Ok(value) => {
@@ -142,8 +142,8 @@ impl LinkFuzz {
         None
     }
 
-    /// After an operation: what is active was so, or may return, or was wanted. Once it is answered
-    /// nothing else is possible any more, but for what a trial returns to.
+    /// Checks after an operation that the active settings were active, may return, or were wanted.
+    /// Once it is answered, only the settings before a trial can still return.
     fn settle(&mut self, what: &str, done: bool, wanted: Option<Settings>) {
         let (active, saved) = self.look();
         self.returning.extend(wanted);
@@ -176,8 +176,7 @@ impl LinkFuzz {
         if done {
             assert_eq!(self.look().0, wanted, "configure was answered");
         }
-        // Answered, it returns from no trial but its own; that it was wanted matters when it comes
-        // late.
+        // Without an answer, the command may arrive late and make these settings active.
         self.settle("configure", done, (!done).then_some(wanted));
         done
     }
@@ -186,7 +185,7 @@ impl LinkFuzz {
         self.frame += 1;
         let result = self.client.scan(self.frame);
         let beams = self.judge("scan", result);
-        // A scan begins with the boundary at which a trial may end; it says whose echoes it holds.
+        // A trial may end when a scan begins, so the echoes tell which settings were active.
         if let Some(beams) = &beams {
             let seen = beams.iter().all(|beam| beam.len() == 1);
             assert_eq!(seen, self.look().0.gain_cdb >= -900, "{:?}", self.active);
@@ -227,7 +226,7 @@ impl LinkFuzz {
         self.settle("forget", done, None);
     }
 
-    /// The sensor's power goes and comes back; the program does not know.
+    /// Switches the sensor's power off and on, without the program's knowledge.
     fn restart(&mut self) {
         self.count.rollbacks += u64::from(self.sensor().session().counters.rollbacks);
         let store = self.sensor().store_mut().clone();
@@ -242,7 +241,7 @@ impl LinkFuzz {
         self.count.starts += 1;
     }
 
-    /// Sees whether settings are any good before it keeps them.
+    /// Tries settings before confirming them.
     fn trial(&mut self) {
         let blind = self.rng.random_bool(0.1);
         let mut wanted = self.draw();
@@ -263,12 +262,12 @@ impl LinkFuzz {
         }
     }
 
-    /// The line is good from now on: new settings and a scan with them, within the bound.
+    /// Configures and scans over a good line, within the bound.
     fn recover(&mut self) {
         let rates = std::mem::replace(&mut self.client.transport_mut().rates, Rates::NONE);
         let began = self.client.transport_mut().now;
         let wanted = self.draw();
-        // The first may find that the sensor knows nothing of a session, or that a trial ended.
+        // The first may find that the sensor has lost the session, or that a trial has ended.
         let done = self.configure(wanted, 0) || self.configure(wanted, 0);
         assert!(done, "configured over a good line");
         assert!(self.scan(), "scanned over a good line");
@@ -279,7 +278,7 @@ impl LinkFuzz {
         self.client.transport_mut().rates = rates;
     }
 
-    /// A step of the program, and after every other one that was given up a good line.
+    /// Makes a step; recovers after every other one that was given up.
     fn step_and_recover(&mut self) {
         let before = (self.count.silent, self.count.starts);
         self.step();
@@ -301,7 +300,7 @@ impl LinkFuzz {
             70..80 => {
                 let result = self.client.read_settings();
                 let read = self.judge("read settings", result);
-                assert!(read.is_none_or(|read| read == self.look().0), "what is read is active");
+                assert!(read.is_none_or(|read| read == self.look().0), "active settings are read");
                 self.settle("read settings", read.is_some(), None);
             }
             80..90 => {
@@ -318,8 +317,7 @@ impl LinkFuzz {
     }
 }
 
-/// So many frames over a line of these faults, and what became of them; the tries are those of
-/// whole commands.
+/// Runs a number of frames over a line with these faults.
 fn fuzz(seed: u64, rates: Rates, frames: u64) -> LinkFuzz {
     let mut run = LinkFuzz::new(seed, rates);
     let began = Instant::now();
@@ -331,7 +329,7 @@ fn fuzz(seed: u64, rates: Rates, frames: u64) -> LinkFuzz {
     let longest = line.tries.longest;
     assert!(longest <= COMMAND, "a command took {longest:?}");
     let seconds = began.elapsed().as_secs_f64();
-    run.restart(); // adds up the last life
+    run.restart(); // counts the last start's rollbacks
     let recovery = run.recovery;
     let line = run.client.transport_mut();
     let [sent, answered] = line.carried;
@@ -348,7 +346,7 @@ fn fuzz(seed: u64, rates: Rates, frames: u64) -> LinkFuzz {
 }
 
 #[test]
-fn a_storm_of_a_million_frames_does_nothing_wrong_and_every_recovery_has_its_bound() {
+fn a_storm_of_a_million_frames_commits_nothing_wrong_and_every_recovery_is_in_time() {
     let seed = number("ECHOLOOP_SEED", 41);
     let frames = number("ECHOLOOP_FRAMES", FRAMES);
     let mut run = fuzz(seed, Rates::all(0.05), frames);
@@ -357,14 +355,14 @@ fn a_storm_of_a_million_frames_does_nothing_wrong_and_every_recovery_has_its_bou
     assert!(count.rollbacks > frames / 1_000 && count.starts > frames / 10_000, "{count:?}");
     assert!(count.done > 1_000 * count.silent && count.recoveries > frames / 20_000, "{count:?}");
     assert!(tries.len() <= 1 + RETRY_POLICY.tries as usize, "{tries:?}");
-    // Nine of ten commands that were harmed are answered by the third repetition: one good frame
-    // each way is enough.
+    // Nine of ten repeated commands are answered by the third repetition: one good frame in each
+    // direction is enough.
     let repeated: u64 = tries[2..].iter().sum();
     assert!(10 * tries[2..5].iter().sum::<u64>() > 9 * repeated, "{tries:?}");
 }
 
 #[test]
-fn every_harm_alone_and_all_of_them_at_their_worst_do_nothing_wrong() {
+fn every_fault_alone_and_all_at_high_rates_commit_nothing_wrong() {
     let none = Rates::NONE;
     let table = [
         Rates { drop: 0.3, ..none },

@@ -1,5 +1,5 @@
-//! The sensor and its line: messages, faults, power cuts, clocks, waveforms that travel. One
-//! program, for cargo links each file of its own with everything we have. One file alone:
+//! Tests of the sensor and its link: messages, faults, power cuts, clocks, waveforms over the link.
+//! They are one program, because cargo links each test file with all dependencies. To run one file:
 //! `cargo test -p echoloop-tests --test link store::`.
 #![allow(clippy::unwrap_used, reason = "tests")]
 

@@ -1,4 +1,4 @@
-//! A conversation that was recorded is the same bytes when it is said again.
+//! Recorded conversations: a replay gives the same bytes.
 
 use std::time::Duration;
 
@@ -9,15 +9,17 @@ use echoloop_sensors::size::scan_bits;
 use echoloop_sensors::transport::{Conversation, Direction, InProcess, Recording};
 use echoloop_tests::faults::Target;
 
-fn sensor() -> InProcess<Target> {
-    let pattern = ScanPattern::Grid(Grid { columns: 12, rows: 8, ..Grid::default() });
+const ONCE: RetryPolicy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
+
+fn sensor(columns: u16, rows: u16) -> InProcess<Target> {
+    let pattern = ScanPattern::Grid(Grid { columns, rows, ..Grid::default() });
     InProcess(PcSensor::new(Target::default(), pattern, Hardware::REFERENCE))
 }
 
-/// Everything that may be said.
+/// A conversation with every kind of command.
 fn talk() -> Conversation {
-    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
-    let mut client = Client::connect_from(Recording::new(sensor()), retry_policy, 100).unwrap();
+    let line = Recording::new(sensor(12, 8));
+    let mut client = Client::connect_from(line, ONCE, 100).unwrap();
     client.scan(1).unwrap();
     client.configure(&Settings { gain_cdb: 100, ..Settings::default() }).unwrap();
     client.configure_on_trial(&Settings { gain_cdb: 200, ..Settings::default() }, 2).unwrap();
@@ -31,23 +33,21 @@ fn talk() -> Conversation {
 }
 
 #[test]
-fn a_recorded_conversation_said_again_to_a_new_sensor_has_the_same_answers() {
+fn a_conversation_replayed_to_a_new_sensor_has_the_same_answers() {
     let recorded = talk();
-    let again = recorded.replay(sensor(), Duration::ZERO).unwrap();
+    let again = recorded.replay(sensor(12, 8), Duration::ZERO).unwrap();
     assert_eq!(again.bytes(Direction::ToHost), recorded.bytes(Direction::ToHost));
     assert_eq!(again, recorded);
     assert!(recorded.pieces().count() > 20);
 }
 
 #[test]
-fn a_sensor_that_does_something_else_is_found_out() {
+fn a_replay_to_another_sensor_differs() {
     let recorded = talk();
-    let pattern = ScanPattern::Grid(Grid { columns: 12, rows: 9, ..Grid::default() });
-    let other = InProcess(PcSensor::new(Target::default(), pattern, Hardware::REFERENCE));
-    assert_ne!(recorded.replay(other, Duration::ZERO).unwrap(), recorded);
+    assert_ne!(recorded.replay(sensor(12, 9), Duration::ZERO).unwrap(), recorded);
 }
 
-/// Both ways, so far.
+/// Bits carried in both directions.
 fn carried_bits(client: &mut Client<Recording<InProcess<Target>>>) -> u64 {
     let conversation = client.transport_mut().conversation();
     let ways = [Direction::ToSensor, Direction::ToHost];
@@ -55,17 +55,15 @@ fn carried_bits(client: &mut Client<Recording<InProcess<Target>>>) -> u64 {
 }
 
 #[test]
-fn the_bits_of_a_scan_are_those_that_went_over_the_line() {
-    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
-    let pattern = ScanPattern::Grid(Grid { columns: 48, rows: 32, ..Grid::default() });
-    let line = InProcess(PcSensor::new(Target::default(), pattern, Hardware::REFERENCE));
-    let mut client = Client::connect_from(Recording::new(line), retry_policy, 0).unwrap();
+fn the_computed_bits_of_a_scan_are_those_on_the_line() {
+    let line = Recording::new(sensor(48, 32));
+    let mut client = Client::connect_from(line, ONCE, 0).unwrap();
     for settings in [Settings::default(), Settings { echoes: 4, ..Settings::default() }] {
         let hash = client.configure(&settings).unwrap();
         let before = carried_bits(&mut client);
         let scan = client.scan(1).unwrap();
         let carried = carried_bits(&mut client) - before;
-        assert!(scan.iter().any(|echoes| !echoes.is_empty()), "there is something to tell");
+        assert!(scan.iter().any(|echoes| !echoes.is_empty()), "there are echoes");
         let counted = scan_bits(&scan, hash);
         assert!(counted.abs_diff(carried) * 1_000 <= carried, "{counted} of {carried}");
     }

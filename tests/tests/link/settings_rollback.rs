@@ -1,4 +1,4 @@
-//! Settings on trial, as a host meets them: kept when it says so, gone when it does not.
+//! Settings on trial over the link: kept when the host confirms them, rolled back otherwise.
 
 use std::time::Duration;
 
@@ -38,7 +38,7 @@ fn a_confirmed_trial_stays_through_scans_and_new_programs() {
 }
 
 #[test]
-fn the_scan_after_a_trial_that_ended_says_whose_settings_made_it() {
+fn the_scan_after_the_end_of_a_trial_reports_the_change_of_settings() {
     let mut host = host();
     host.configure(&gain(50)).unwrap();
     host.configure_on_trial(&gain(100), 2).unwrap();
@@ -49,7 +49,7 @@ fn the_scan_after_a_trial_that_ended_says_whose_settings_made_it() {
     for _ in 0..2 {
         assert!(
             matches!(host.confirm(), Err(ClientError::Changed { .. })),
-            "asked again, it is as late"
+            "a repeated confirmation is late, too"
         );
         assert!(matches!(host.save(), Err(ClientError::Changed { .. })));
     }
@@ -59,7 +59,7 @@ fn the_scan_after_a_trial_that_ended_says_whose_settings_made_it() {
 }
 
 #[test]
-fn settings_that_blind_the_sensor_go_after_one_scan() {
+fn settings_that_blind_the_sensor_are_rolled_back_after_one_scan() {
     let mut host = host();
     host.configure_on_trial(&gain(-1_000), 100).unwrap();
     assert!(host.scan(1).unwrap().iter().all(|echoes| echoes.is_empty()));
@@ -69,7 +69,7 @@ fn settings_that_blind_the_sensor_go_after_one_scan() {
 }
 
 #[test]
-fn a_candidate_that_nobody_wanted_is_followed_by_the_next() {
+fn unconfirmed_candidates_can_follow_each_other() {
     let mut host = host();
     for step in 1..20 {
         host.configure_on_trial(&gain(step), 1).unwrap();
@@ -81,7 +81,7 @@ fn a_candidate_that_nobody_wanted_is_followed_by_the_next() {
 }
 
 #[test]
-fn a_confirmation_that_is_lost_or_whose_answer_is_lost_is_found_out() {
+fn the_host_notices_a_lost_confirmation_and_a_lost_answer() {
     for seed in 0..200 {
         let mut host = host();
         host.configure_on_trial(&gain(100), 2).unwrap();
@@ -100,7 +100,7 @@ fn a_confirmation_that_is_lost_or_whose_answer_is_lost_is_found_out() {
                 assert_eq!(
                     active(&mut host),
                     0,
-                    "seed {seed}: it never came, and the hello ended the trial"
+                    "seed {seed}: the confirmation was lost, and the hello ended the trial"
                 );
             }
             other => panic!("seed {seed}: {other:?}"),

@@ -1,5 +1,5 @@
-//! Settings that outlive the power, wherever it goes: the old ones or the new, never neither, never
-//! a mix.
+//! Saved settings and power cuts: after a cut anywhere, the old settings or the new are there,
+//! never none, never a mix.
 
 use std::time::Duration;
 
@@ -18,7 +18,7 @@ use rand::RngExt;
 
 const HARDWARE: Hardware = Hardware::REFERENCE;
 
-/// The settings of step `i`; neighbours differ in length too.
+/// Settings of step `i`; neighbouring steps also differ in encoded length.
 fn set(i: i32) -> Settings {
     Settings {
         gain_cdb: i % 4_000 - 1_000,
@@ -40,12 +40,12 @@ fn settings<S: NorFlash>(flash: &mut S) -> Option<Settings> {
     load(flash, &HARDWARE).map(|saved| saved.settings)
 }
 
-/// Bytes of a record that a checksum covers, and the checksum.
+/// Length of a record with its checksum.
 fn used(slot: &[u8]) -> usize {
     20 + u32::from_le_bytes(slot[16..20].try_into().unwrap()) as usize + 4
 }
 
-/// Changes a record and makes its checksum right again.
+/// Changes a record and corrects its checksum.
 fn forge(slot: &mut [u8], change: impl FnOnce(&mut [u8])) {
     change(slot);
     let end = used(slot) - 4;
@@ -53,8 +53,8 @@ fn forge(slot: &mut [u8], change: impl FnOnce(&mut [u8])) {
     slot[end..end + 4].copy_from_slice(&sum.to_le_bytes());
 }
 
-/// Cuts the power in the middle of every word and every erased block of a save; then of another,
-/// which has to clean up.
+/// Cuts the power in every word and every erased block of a save, then in another save, which has
+/// to clean up. Returns the number of cuts.
 fn cut_everywhere<const W: usize, const E: usize>() -> usize {
     let mut cuts = 0;
     for times in 0..3 {
@@ -92,7 +92,7 @@ fn cut_everywhere<const W: usize, const E: usize>() -> usize {
 
 #[test]
 fn a_power_cut_anywhere_in_a_save_leaves_the_old_settings_or_the_new() {
-    // Bytes, words, pairs of words and quads of them; a slot of one block and of several.
+    // Words of 1 to 32 bytes; slots of one block and of several.
     let cuts = [
         cut_everywhere::<1, 256>(),
         cut_everywhere::<4, 256>(),
@@ -102,7 +102,7 @@ fn a_power_cut_anywhere_in_a_save_leaves_the_old_settings_or_the_new() {
         cut_everywhere::<32, 32>(),
     ];
     println!("cuts: {cuts:?}");
-    // An erase a block, a write a word; from three states, torn in sixteen ways.
+    // One step for each block erased and word written; from three states, torn in sixteen ways.
     assert_eq!(cuts, [1 + 128, 1 + 32, 1 + 16, 1 + 8, 2 + 32, 4 + 4].map(|steps| 3 * 16 * steps));
 }
 
@@ -125,12 +125,12 @@ fn a_power_cut_anywhere_in_a_forget_leaves_the_newest_settings_or_none() {
         assert_eq!(settings(&mut flash), None);
         let erased = flash.blocks_erased();
         forget(&mut flash, &HARDWARE).unwrap();
-        assert_eq!(flash.blocks_erased(), erased, "forgotten twice, erased once");
+        assert_eq!(flash.blocks_erased(), erased, "a second forget erases nothing");
     }
 }
 
 #[test]
-fn a_long_life_with_an_unsteady_power_never_loses_what_was_saved() {
+fn saved_settings_survive_many_power_cuts() {
     let mut rng = vectors::rng(31);
     let mut flash = RamNorFlash::<4, 256>::default();
     let (mut old, mut cut) = (None, 0);
@@ -160,17 +160,13 @@ fn any_flipped_bit_in_a_slot_leaves_the_other() {
         for bit in 8 * used..8 * 256 {
             let mut flash = whole.clone();
             flash.bytes_mut()[256 * slot + bit / 8] ^= 1 << (bit % 8);
-            assert_eq!(
-                settings(&mut flash),
-                Some(set(3)),
-                "bit {bit} of slot {slot}, which says nothing"
-            );
+            assert_eq!(settings(&mut flash), Some(set(3)), "unused bit {bit} of slot {slot}");
         }
     }
 }
 
 #[test]
-fn what_is_not_a_record_of_ours_is_none() {
+fn a_slot_without_a_valid_record_is_ignored() {
     let whole = worn::<4, 256>(1);
     type Change = fn(&mut [u8]);
     let changes: [(&str, Change); 5] = [
@@ -195,7 +191,7 @@ fn what_is_not_a_record_of_ours_is_none() {
 }
 
 #[test]
-fn settings_that_this_hardware_refuses_are_passed_over() {
+fn settings_that_this_hardware_refuses_are_ignored() {
     let mut flash = worn::<4, 256>(1);
     let strong = Settings { power_uw: 100_000_000, pulse_width_ps: 8_000, ..Settings::default() };
     let strong_hardware = Hardware { energy_limit_pj: 1_000_000, ..HARDWARE };
@@ -225,7 +221,7 @@ fn a_thousand_saves_wear_both_slots_alike() {
 }
 
 #[test]
-fn revisions_count_on_past_their_end() {
+fn revisions_wrap_around() {
     let mut flash = worn::<4, 256>(2);
     forge(&mut flash.bytes_mut()[..256], |slot| {
         slot[12..16].copy_from_slice(&(u32::MAX - 1).to_le_bytes())
@@ -240,7 +236,7 @@ fn revisions_count_on_past_their_end() {
 }
 
 #[test]
-fn what_is_saved_already_is_not_written_again() {
+fn saved_settings_are_not_written_again() {
     let mut flash = worn::<4, 256>(5);
     let (erased, written) = (flash.blocks_erased(), flash.words_written());
     for _ in 0..100 {
@@ -264,7 +260,7 @@ fn the_widest_settings_fit_a_record() {
     let mut widest = Settings::default();
     PARAMETERS.iter().for_each(|p| widest.set(p.id, Some(i32::MIN)));
     let mut flash = RamNorFlash::<4, 256>::default();
-    // They pass no check, so they are written and never read.
+    // They do not pass the check, so they are written and never loaded.
     assert_eq!(save(&mut flash, &HARDWARE, &widest), Ok(1));
     assert_eq!(used(flash.bytes()), 20 + 101 + 4);
     assert_eq!(settings(&mut flash), None);
@@ -288,7 +284,7 @@ fn switch_off(client: &mut Client<InProcess<Target>>) -> RamNorFlash {
 }
 
 #[test]
-fn a_sensor_starts_with_what_was_saved_and_with_nothing_else() {
+fn a_sensor_starts_with_the_saved_settings_only() {
     let mut client = switch_on(RamNorFlash::default());
     client.configure(&set(1)).unwrap();
     assert_eq!(client.save().unwrap(), 1);
@@ -297,13 +293,13 @@ fn a_sensor_starts_with_what_was_saved_and_with_nothing_else() {
     let mut client = switch_on(switch_off(&mut client));
     assert_eq!(client.read_settings().unwrap(), set(1), "set(2) was not saved");
     client.forget().unwrap();
-    assert_eq!(client.read_settings().unwrap(), set(1), "what is active stays");
+    assert_eq!(client.read_settings().unwrap(), set(1), "active settings stay");
     let mut client = switch_on(switch_off(&mut client));
     assert_eq!(client.read_settings().unwrap(), Settings::default());
 }
 
 #[test]
-fn a_trial_is_saved_once_it_is_confirmed() {
+fn a_trial_can_be_saved_after_its_confirmation() {
     let mut client = switch_on(RamNorFlash::default());
     client.configure_on_trial(&set(1), 2).unwrap();
     assert!(matches!(client.save(), Err(ClientError::Nack(Nack::OnTrial))));
@@ -337,7 +333,7 @@ fn a_power_cut_in_a_save_over_the_link_leaves_a_sensor_with_the_old_settings_or_
 }
 
 #[test]
-fn a_flash_that_is_worn_out_does_not_stop_the_sensor() {
+fn a_broken_flash_does_not_stop_the_sensor() {
     let mut client = switch_on(worn(3));
     client.transport_mut().0.store_mut().cut_after(0, 1);
     client.configure(&set(4)).unwrap();
@@ -350,7 +346,7 @@ fn a_flash_that_is_worn_out_does_not_stop_the_sensor() {
 }
 
 #[test]
-fn both_slots_bad_is_a_start_with_the_defaults() {
+fn with_both_slots_bad_the_sensor_starts_with_the_defaults() {
     let mut flash = worn(3);
     flash.bytes_mut()[30] ^= 0x10;
     flash.bytes_mut()[256 + 30] ^= 0x10;

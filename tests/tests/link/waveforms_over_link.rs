@@ -1,5 +1,5 @@
-//! Waveforms that go to a sensor over its link: its echoes are those of the sensor that has the
-//! front end itself, whatever becomes of the line.
+//! Waveforms sent to a sensor over its link: the echoes are those of a sensor with its own front
+//! end, whatever the faults of the line.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -22,14 +22,14 @@ use echoloop_sensors::boards::shots::Shots;
 use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
 use echoloop_sensors::sensor::{Detector, Line, Model, Sensor, View};
 use echoloop_sensors::transport::{InProcess, Transport};
-use echoloop_tests::faults::{Faulty, Rates};
+use echoloop_tests::faults::{Faulty, Rates, Shared};
 use echoloop_tests::vectors;
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 
 const PATTERN: ScanPattern =
     ScanPattern::Grid(Grid { columns: 10, rows: 7, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 });
 
-/// Every beam sees a wall, every third one something before it.
+/// A scene with a wall in every beam and a nearer target in every third.
 fn scene() -> Arc<SceneResponse> {
     let mut response = SceneResponse { beams: vec![0], returns: Vec::new() };
     for beam in 0..PATTERN.beams() {
@@ -52,13 +52,13 @@ fn view(scene: &Arc<SceneResponse>) -> View<'_> {
     View { scene, noise_seed: 11, scan: 2, viewpoint: 9 }
 }
 
-/// So many samples, and a pulse that even the fewest resolve.
+/// Settings with a pulse that even the fewest samples resolve.
 fn settings(bins: i32, shots: i32) -> Settings {
     let (pulse_width_ps, power_uw) = (15_000, 20_000_000);
     Settings { bins, shots, pulse_width_ps, power_uw, ..Settings::default() }
 }
 
-/// What the sensor with a front end says.
+/// Echoes of a sensor with its own front end.
 fn at_the_sensor(model: &Model, settings: &Settings) -> Vec<Echoes> {
     let mut sensor = Sensor::in_process(model).unwrap();
     sensor.configure(settings).unwrap();
@@ -66,7 +66,7 @@ fn at_the_sensor(model: &Model, settings: &Settings) -> Vec<Echoes> {
 }
 
 #[test]
-fn echoes_are_those_of_the_sensor_with_the_front_end_whatever_the_settings() {
+fn echoes_are_those_of_a_sensor_with_its_own_front_end_for_all_settings() {
     let mut rng = vectors::rng(1);
     let (mut compared, mut found) = (0, 0);
     for case in 0..120 {
@@ -105,20 +105,7 @@ fn one_sensor_takes_scan_after_scan_with_other_settings() {
     }
 }
 
-/// A line that more than one has.
-struct Shared<T>(Rc<RefCell<T>>);
-
-impl<T: Transport> Transport for Shared<T> {
-    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.0.borrow_mut().send(bytes)
-    }
-
-    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
-        self.0.borrow_mut().receive(buffer, timeout)
-    }
-}
-
-/// A client whose waveforms are the model's, by a line of one's own.
+/// Scans with waveforms of the model's front end.
 fn feed<T: Transport>(client: &mut Client<T>, model: &Model) -> Result<Vec<Echoes>, ClientError> {
     let mut shots = Shots::new(model.front_end(), model.pattern, model.hardware);
     shots.front_end_mut().look_at(scene(), 11);
@@ -145,7 +132,7 @@ fn scans_over_a_bad_line_are_whole_or_reported() {
             let expected = at_the_sensor(&model, &wanted);
             for _ in 0..10 {
                 client.transport_mut().rates = Rates::NONE;
-                // What was held back comes during the first.
+                // Delayed messages arrive during the first.
                 let configured = client.configure(&wanted);
                 configured.or_else(|_| client.configure(&wanted)).unwrap();
                 client.transport_mut().rates = Rates::all(rate);
@@ -166,14 +153,14 @@ fn scans_over_a_bad_line_are_whole_or_reported() {
     }
 }
 
-/// A sensor, asked frame by frame.
+/// A sensor with a request per frame.
 struct Asked {
     sensor: PcSensor<echoloop_frontend::WaveformFrontEnd>,
     sequence: u16,
 }
 
 impl Asked {
-    /// A sensor that has said hello, and its settings.
+    /// A sensor after its hello, with these settings.
     fn new(settings: &Settings) -> Self {
         let model = model(12);
         let sensor = PcSensor::new(model.front_end(), PATTERN, model.hardware);
@@ -198,7 +185,7 @@ impl Asked {
         panic!("no answer to {command:?}")
     }
 
-    /// A part of scan `frame`: so many codes of an even ramp.
+    /// Sends a part of scan `frame`: some codes of a small ramp.
     fn part(&mut self, frame: u32, from: Place, codes: usize) -> Report {
         let row: Vec<u16> = (0..codes).map(|n| 200 + (n % 7) as u16).collect();
         let mut packed = vec![0; codes.div_ceil(2) * 3];
@@ -215,7 +202,7 @@ fn awaited(beam: u32, shot: u16, sample: u16) -> Report {
     Report::Nack(Nack::Awaited { place: place(beam, shot, sample) })
 }
 
-/// How many beams a report has, from which on.
+/// First beam and number of beams of a report.
 fn beams(report: &Report) -> (u32, usize) {
     match report {
         Report::Beams { first, beams, .. } => (*first, beams.len()),
@@ -224,7 +211,7 @@ fn beams(report: &Report) -> (u32, usize) {
 }
 
 #[test]
-fn a_part_that_does_not_follow_is_answered_with_what_would() {
+fn a_part_out_of_order_is_answered_with_the_awaited_place() {
     let wanted = settings(400, 2);
     let mut sensor = Asked::new(&wanted);
     assert_eq!(sensor.part(1, place(3, 1, 17), 100), awaited(3, 0, 0), "nothing has begun");
@@ -232,10 +219,10 @@ fn a_part_that_does_not_follow_is_answered_with_what_would() {
     assert_eq!(sensor.part(1, place(3, 1, 101), 100), awaited(3, 1, 100), "a gap");
     assert_eq!(sensor.part(2, place(3, 1, 100), 100), awaited(3, 0, 0), "another scan");
     assert_eq!(beams(&sensor.part(1, place(3, 1, 100), 1_000)), (3, 1), "the gap did no harm");
-    assert_eq!(sensor.part(1, place(3, 1, 100), 1_000), awaited(4, 1, 300), "it came before");
-    assert_eq!(beams(&sensor.part(1, place(4, 0, 0), 800)), (4, 1), "a beam begun anew");
+    assert_eq!(sensor.part(1, place(3, 1, 100), 1_000), awaited(4, 1, 300), "a repeated part");
+    assert_eq!(beams(&sensor.part(1, place(4, 0, 0), 800)), (4, 1), "a restarted beam");
     sensor.ask(&Command::ReadBeams { frame: 1, first: 0, count: 1 });
-    assert_eq!(sensor.part(1, place(5, 1, 0), 1), awaited(5, 0, 0), "its memory was needed");
+    assert_eq!(sensor.part(1, place(5, 1, 0), 1), awaited(5, 0, 0), "its memory was reused");
 }
 
 #[test]
@@ -252,7 +239,7 @@ fn a_part_beyond_the_scan_changes_nothing() {
 }
 
 #[test]
-fn settings_do_not_change_under_a_scan_of_waveforms() {
+fn settings_do_not_change_during_a_scan_of_waveforms() {
     let mut sensor = Asked::new(&settings(400, 1));
     sensor.part(1, place(0, 0, 0), 500);
     let other = settings(300, 1);
@@ -264,7 +251,7 @@ fn settings_do_not_change_under_a_scan_of_waveforms() {
 }
 
 #[test]
-fn a_trial_hears_the_echoes_of_waveforms() {
+fn a_trial_counts_the_echoes_of_waveforms_over_the_link() {
     let model = model(12);
     let sensor = PcSensor::new(model.front_end(), PATTERN, model.hardware);
     let line = InProcess(sensor);
@@ -273,7 +260,7 @@ fn a_trial_hears_the_echoes_of_waveforms() {
     client.configure_on_trial(&wanted, 3).unwrap();
     feed(&mut client, &model).unwrap();
     client.confirm().unwrap();
-    assert_eq!(client.read_settings().unwrap(), wanted, "there were echoes, and a word for it");
+    assert_eq!(client.read_settings().unwrap(), wanted, "echoes and a confirmation");
     let blind = Settings { power_uw: 10, noise_floor_ppm: 200_000, ..wanted };
     client.configure_on_trial(&blind, 100).unwrap();
     let scan = feed(&mut client, &model).unwrap();
@@ -283,7 +270,7 @@ fn a_trial_hears_the_echoes_of_waveforms() {
 }
 
 #[test]
-fn a_sensor_without_the_room_is_refused_with_both_numbers() {
+fn a_sensor_with_too_little_room_is_refused_with_both_numbers() {
     let model = model(12);
     let sensor = PcSensor::new(model.front_end(), PATTERN, model.hardware);
     let mut client = Client::connect_from(InProcess(sensor), RetryPolicy::default(), 0).unwrap();
@@ -296,7 +283,7 @@ fn a_sensor_without_the_room_is_refused_with_both_numbers() {
 }
 
 #[test]
-fn a_line_of_one_frame_at_a_time_gives_the_same() {
+fn one_frame_at_a_time_gives_the_same_echoes() {
     let model = model(12);
     let sensor = PcSensor::new(model.front_end(), PATTERN, model.hardware);
     let shared = Rc::new(RefCell::new(InProcess(sensor)));
@@ -313,7 +300,7 @@ fn a_line_of_one_frame_at_a_time_gives_the_same() {
 }
 
 #[test]
-fn a_fed_sensor_of_any_line_is_a_sensor() {
+fn a_fed_sensor_works_over_any_line() {
     let (model, scene) = (model(12), scene());
     let line: Line = Box::new(InProcess(PcSensor::new(model.front_end(), PATTERN, model.hardware)));
     let mut sensor = Sensor::fed(line, &model, RetryPolicy::default()).unwrap();
@@ -336,7 +323,7 @@ impl SpiDevice for NoBus {
     }
 }
 
-/// Bytes under way, both ways.
+/// Bytes in transit, in both directions.
 #[derive(Clone, Default)]
 struct Wire(Rc<RefCell<[VecDeque<u8>; 2]>>);
 
@@ -408,7 +395,7 @@ impl Board for Bare {
     }
 }
 
-/// The bare board, which works whenever somebody looks whether it has.
+/// Line to the bare board, which runs when bytes are sent.
 struct BareLine {
     app: Box<App<Bare>>,
     wire: Wire,
@@ -426,14 +413,14 @@ impl Transport for BareLine {
 }
 
 #[test]
-fn a_board_without_a_front_end_finds_the_echoes_and_says_that_it_has_none() {
+fn a_board_without_a_front_end_finds_echoes_and_refuses_its_own_scans() {
     let (model, wire) = (model(12), Wire::default());
     let flash = RamNorFlash::default();
     let app = Box::new(App::new(Bare { nothing: NoBus, wire: wire.clone(), flash }));
     let line = BareLine { app, wire };
     let mut client = Client::connect_from(line, RetryPolicy::default(), 0).unwrap();
     let room = client.read_room().unwrap();
-    assert_eq!(room, Room { codes: MAX_CODES as u32, frames: 1 }, "it keeps no bytes");
+    assert_eq!(room, Room { codes: MAX_CODES as u32, frames: 1 }, "it has no ring of bytes");
     for settings in [settings(300, 4), Settings::default()] {
         client.configure(&settings).unwrap();
         assert_eq!(feed(&mut client, &model).unwrap(), at_the_sensor(&model, &settings));

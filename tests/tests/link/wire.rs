@@ -1,4 +1,4 @@
-//! The bytes on the link: frozen, documented, and distrusted until their checksum holds.
+//! Bytes on the link: frozen, documented, and accepted only with a right checksum.
 
 use std::io;
 use std::time::Duration;
@@ -26,7 +26,7 @@ fn frame(sequence: u16, body: &impl Message) -> Vec<u8> {
     encode(sequence, body, &mut [0; MAX_FRAME]).unwrap().to_vec()
 }
 
-/// Payload without its checksum: sequence and body.
+/// Payload without checksum: sequence number and body.
 fn payload(body: &impl Message) -> Vec<u8> {
     let mut bytes = frame(0x1234, body);
     let inner = bytes.len() - 1;
@@ -34,7 +34,7 @@ fn payload(body: &impl Message) -> Vec<u8> {
     bytes[1..1 + length - 4].to_vec()
 }
 
-/// A byte string: its length as a varint, and itself.
+/// A byte string in postcard: its length as a varint, and the bytes.
 fn postcard_bytes(body: &[u8]) -> Vec<u8> {
     let length = body.len() as u8;
     let head =
@@ -62,7 +62,7 @@ fn echoes(count: usize) -> Echoes {
     (0..count).map(|_| echo()).collect()
 }
 
-/// What WIRE.md works through, by the name it gives it.
+/// Worked examples of WIRE.md, by name.
 fn examples() -> Vec<(&'static str, Vec<u8>)> {
     let hash = settings_hash(&Settings::default());
     let refusal = Refusal {
@@ -144,7 +144,7 @@ fn the_document_s_worked_bytes_are_those_of_the_code() {
 }
 
 #[test]
-fn the_document_works_through_nothing_that_is_not_so() {
+fn every_worked_example_of_the_document_is_right() {
     let document = include_str!("../../../firmware/link/WIRE.md");
     let worked = document.split("## Worked bytes").nth(1).unwrap();
     let examples = examples();
@@ -180,7 +180,7 @@ fn the_greeting_never_changes() {
     assert_eq!(hex(&bytes), "34 12 00 45 43 48 4f 02 01 0a 09 08 07 06 05 04 03");
 }
 
-/// One command of every kind, by number.
+/// One command of each kind, by number.
 fn commands() -> [Command<'static>; 14] {
     [
         Command::Hello(Greeting::OURS),
@@ -203,7 +203,7 @@ fn commands() -> [Command<'static>; 14] {
 const REFUSAL: Refusal =
     Refusal { field: ParameterId::EchoChoice, value: -1, reason: Reason::NotAChoice };
 
-/// One report of every kind, by number.
+/// One report of each kind, by number.
 fn reports() -> [Report; 13] {
     [
         hello_reply(),
@@ -242,7 +242,7 @@ fn every_message_keeps_its_number() {
         let Report::Hello { greeting, build, hardware, .. } = hello_reply() else {
             panic!("a hello")
         };
-        // The grid's number and its nine bytes end the answer.
+        // The answer ends with the grid's number and its nine bytes.
         let before = payload(&hello_reply()).len() - 10;
         let bytes = payload(&Report::Hello { greeting, build, hardware, pattern });
         assert_eq!(bytes[before], number as u8, "{pattern:?}");
@@ -282,7 +282,7 @@ fn every_message_keeps_its_number() {
 }
 
 #[test]
-fn every_message_comes_back_as_it_was_sent() {
+fn every_message_decodes_as_it_was_encoded() {
     for (name, mut bytes) in examples() {
         let inner = bytes.len() - 1;
         let copy = bytes.clone();
@@ -320,7 +320,7 @@ fn the_fullest_report_fits_a_frame() {
 }
 
 #[test]
-fn the_most_codes_with_the_widest_numbers_before_them_fill_a_frame() {
+fn the_most_codes_behind_the_widest_numbers_fill_a_frame() {
     let from = Place { beam: u32::MAX, shot: u16::MAX, sample: u16::MAX };
     let fullest = |bytes: usize| {
         let command =
@@ -328,11 +328,11 @@ fn the_most_codes_with_the_widest_numbers_before_them_fill_a_frame() {
         encode(u16::MAX, &command, &mut [0; MAX_FRAME]).map(<[u8]>::len)
     };
     assert!(fullest(PACKED_BYTES).is_ok());
-    assert_eq!(fullest(PACKED_BYTES + 2), Err(FrameError::TooLong), "little is left over");
+    assert_eq!(fullest(PACKED_BYTES + 2), Err(FrameError::TooLong), "hardly a byte is left");
 }
 
 #[test]
-fn no_damaged_frame_is_taken_for_another() {
+fn no_damaged_frame_is_accepted() {
     let mut rng = vectors::rng(5);
     let examples = examples();
     let mut accepted = 0;
@@ -364,7 +364,7 @@ fn no_damaged_frame_is_taken_for_another() {
     assert_eq!(accepted, 0);
 }
 
-/// Sequence, body and checksum as they stand before COBS.
+/// Sequence number, body and checksum of a frame, before COBS.
 fn unstuffed(frame: &[u8]) -> Vec<u8> {
     let mut bytes = frame[1..frame.len() - 1].to_vec();
     let length = cobs::decode_in_place(&mut bytes).unwrap();
@@ -372,7 +372,7 @@ fn unstuffed(frame: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// What a receiver finds between the delimiters.
+/// A payload after COBS, without delimiters.
 fn stuffed(payload: &[u8]) -> Vec<u8> {
     let mut bytes = vec![0; payload.len() + payload.len() / 254 + 2];
     let length = cobs::encode(payload, &mut bytes);
@@ -381,7 +381,7 @@ fn stuffed(payload: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn a_frame_of_one_way_is_never_taken_for_one_of_the_other() {
+fn a_frame_of_one_direction_is_never_accepted_in_the_other() {
     let echo = FrameError::Echo { sequence: 0x1234 };
     for command in commands() {
         let bytes = frame(0x1234, &command);
@@ -403,7 +403,7 @@ fn sensor() -> PcSensor<Target> {
 }
 
 #[test]
-fn a_sensor_that_hears_its_own_answers_keeps_silent_and_counts_them() {
+fn a_sensor_counts_its_own_echoed_answers_and_stays_silent() {
     let mut sensor = sensor();
     for report in reports() {
         sensor.send(&frame(1, &report));
@@ -413,7 +413,7 @@ fn a_sensor_that_hears_its_own_answers_keeps_silent_and_counts_them() {
     assert_eq!(counters, Counters { echoes: reports().len() as u32, ..Counters::default() });
 }
 
-/// A line that gives back what is sent; and what a sensor says, if there is one.
+/// Line that echoes what is sent, with a sensor or without.
 struct Echoing {
     sensor: Option<PcSensor<Target>>,
     back: Vec<u8>,
@@ -442,14 +442,14 @@ impl Transport for Echoing {
 const TWICE: RetryPolicy = RetryPolicy { timeout: Duration::from_secs(1), tries: 2 };
 
 #[test]
-fn a_line_that_only_echoes_is_named_as_such() {
+fn a_line_that_only_echoes_is_reported_as_such() {
     let line = Echoing { sensor: None, back: Vec::new() };
     let error = Client::connect(line, TWICE).err().unwrap();
     assert!(matches!(error, ClientError::Echo { command: "hello", echoes: 2 }), "{error}");
 }
 
 #[test]
-fn one_wire_for_both_ways_is_no_hindrance() {
+fn one_wire_for_both_directions_works() {
     let line = Echoing { sensor: Some(sensor()), back: Vec::new() };
     let mut client = Client::connect(line, TWICE).unwrap();
     let wanted = Settings { gain_cdb: 7, ..Settings::default() };
@@ -458,9 +458,9 @@ fn one_wire_for_both_ways_is_no_hindrance() {
     assert_eq!(client.scan(1).unwrap().len(), 2);
 }
 
-/// Hosts of protocol 9 know no mark: they must be able to read why they are refused.
+/// Hosts of protocol 9 do not know the mark, and must be able to read why they are refused.
 #[test]
-fn only_a_hello_of_another_protocol_is_answered_without_the_mark_of_the_way() {
+fn only_a_hello_of_another_protocol_is_answered_without_the_mark_of_direction() {
     let ways = |command: &Command<'_>, sensor: &mut PcSensor<Target>| {
         sensor.send(&frame(5, command));
         let mut bytes = vec![0; 256];
@@ -477,9 +477,9 @@ fn only_a_hello_of_another_protocol_is_answered_without_the_mark_of_the_way() {
     assert_eq!(hello, (Way::ToHost, Some(Greeting::OURS)));
 }
 
-/// Whole COBS, a body that may well be a message, and one thing wrong: the checksum alone can tell.
+/// COBS is whole and the body may be a message: only the checksum shows the damage.
 #[test]
-fn one_wrong_bit_or_byte_of_any_message_is_seen_by_the_checksum() {
+fn the_checksum_detects_one_wrong_bit_or_byte_of_any_message() {
     let commands = commands().map(|command| frame(0x1234, &command));
     let reports = reports().map(|report| frame(0x1234, &report));
     for whole in commands.iter().chain(&reports) {
@@ -511,7 +511,7 @@ fn one_wrong_bit_or_byte_of_any_message_is_seen_by_the_checksum() {
     }
 }
 
-/// Feeds bytes to a decoder; what it gives.
+/// Frames and errors that a decoder gives for some bytes.
 fn feed(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Result<Vec<u8>, FrameError>> {
     bytes
         .iter()
@@ -520,7 +520,7 @@ fn feed(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Result<Vec<u8>, FrameError>>
 }
 
 #[test]
-fn after_any_garbage_the_next_whole_frame_is_understood() {
+fn the_next_whole_frame_after_any_garbage_is_decoded() {
     let mut rng = vectors::rng(6);
     let mut decoder = Decoder::new();
     let whole = frame(9, &Command::ReadSettings);
@@ -533,7 +533,7 @@ fn after_any_garbage_the_next_whole_frame_is_understood() {
 }
 
 #[test]
-fn the_tail_of_an_over_long_frame_is_never_a_frame() {
+fn the_tail_of_an_overlong_frame_is_never_a_frame() {
     let whole = frame(9, &Command::ReadSettings);
     let mut long = vec![1; MAX_FRAME];
     long.extend(&whole[1..]);
@@ -552,7 +552,7 @@ fn nothing_may_follow_a_body() {
     assert_eq!(decode::<Command>(&mut bytes[..length]), Err(FrameError::Body { sequence: 0x1234 }));
 }
 
-/// Every variant with its body, worked out by hand from WIRE.md's rules.
+/// Bodies of every variant, encoded by hand with WIRE.md's rules.
 #[test]
 fn every_variant_has_these_bytes() {
     let hash = 0x1234_5678;
@@ -720,9 +720,9 @@ fn a_hash_covers_settings_of_any_width() {
     }
 }
 
-/// Cuts, joins, swaps and overwrites what stands between delimiters, as a receiver meets it.
+/// Cuts, joins and overwrites the bytes between delimiters.
 #[test]
-fn no_joined_or_torn_frames_are_taken_for_another() {
+fn no_joined_or_torn_frame_is_accepted() {
     let mut rng = vectors::rng(7);
     let examples = examples();
     let whole: Vec<&[u8]> = examples.iter().map(|(_, bytes)| &bytes[1..bytes.len() - 1]).collect();
@@ -760,7 +760,7 @@ fn no_joined_or_torn_frames_are_taken_for_another() {
 }
 
 proptest! {
-    /// The crate that postcard uses stuffs and unstuffs as we do.
+    /// Compares with the crate that postcard uses.
     #[test]
     fn our_stuffing_is_that_of_the_cobs_crate(
         zeros in 0..4u8,
@@ -788,7 +788,7 @@ proptest! {
     }
 
     #[test]
-    fn no_bytes_at_all_upset_the_decoder(bytes in vec(any::<u8>(), 0..5_000)) {
+    fn the_decoder_accepts_no_random_bytes(bytes in vec(any::<u8>(), 0..5_000)) {
         let mut decoder = Decoder::new();
         for &byte in &bytes {
             if let Some(Ok(frame)) = decoder.push(byte) {
@@ -799,9 +799,9 @@ proptest! {
         }
     }
 
-    /// What a faulty sender could say: any body under a right checksum.
+    /// A faulty sender may send any body with a right checksum.
     #[test]
-    fn a_body_is_read_back_as_it_stands_or_not_at_all(
+    fn any_body_is_decoded_as_it_is_or_refused(
         body in vec(prop_oneof![0..12u8, any::<u8>()], 0..200),
     ) {
         let mut payload = [&[7, 0], &body[..]].concat();
@@ -823,7 +823,7 @@ proptest! {
     }
 }
 
-/// A sensor that answers every hello with the same body.
+/// A sensor that answers every command with the same body.
 struct Foreign {
     body: Vec<u8>,
     heard: Decoder,
@@ -854,7 +854,7 @@ impl Transport for Foreign {
 }
 
 #[test]
-fn a_sensor_of_another_version_is_refused_with_both_versions_whatever_follows_its_greeting() {
+fn a_sensor_of_another_version_is_refused_with_both_versions() {
     let theirs = Greeting { protocol: PROTOCOL + 1, schema: SCHEMA ^ 1, ..Greeting::OURS };
     let Report::Hello { build, hardware, pattern, .. } = hello_reply() else { panic!() };
     let same = payload(&Report::Hello { greeting: theirs, build, hardware, pattern })[2..].to_vec();

@@ -1,4 +1,4 @@
-//! The part's clocks, as far as they can be set where nothing models them: by what is written.
+//! The part's clocks, which the emulator does not model: checked by the writes to their registers.
 
 use std::fs;
 use std::time::{Duration, Instant};
@@ -8,7 +8,7 @@ use echoloop_tests::target::symbol;
 
 use crate::board::{board, connect, with_gdb};
 
-/// What the program wrote to a register that the emulator does not model, in its own log of those.
+/// Values written to a register, from the emulator's log of registers that it does not model.
 fn written(log: &str, device: &str, offset: u32) -> Vec<u32> {
     let place = format!("offset 0x{offset:03x}, value 0x");
     let lines = log.lines().filter(|line| line.starts_with(device) && line.contains("write"));
@@ -30,7 +30,7 @@ fn the_part_s_clocks_are_set_to_168_mhz_without_a_panic() {
     let begun = fs::metadata(&unmodelled).unwrap().len() as usize;
     gdb.jump(symbol(&options, "5clock5start") & !1).unwrap();
     gdb.detach().unwrap();
-    // The HAL decides everything that could panic, sets the PLL, and waits for it, here for ever.
+    // The HAL computes everything that could panic, sets the PLL, and waits for it, here for ever.
     let (pll_on, deadline) = (1 << 24, Instant::now() + Duration::from_secs(10));
     let log = loop {
         let log = fs::read_to_string(&unmodelled).unwrap().split_off(begun);
@@ -48,7 +48,7 @@ fn the_part_s_clocks_are_set_to_168_mhz_without_a_panic() {
     assert_eq!(input_hz * n / p, 168_000_000, "PLLCFGR {pll:#010x}");
     // Five wait states at 168 MHz and 3.3 V, prefetch and both caches on.
     assert_eq!(written(&log, "Flash", 0x000).last(), Some(&0x705), "{log}");
-    // Still there: it panicked nowhere.
+    // It still waits there and has not panicked.
     let frames = fs::read(client.transport_mut().log_file()).unwrap();
     assert!(!crate::board::log(&options.image, &frames).iter().any(|line| line.contains("panic")));
     let waits = Gdb::connect(&socket).unwrap().program_counter().unwrap();

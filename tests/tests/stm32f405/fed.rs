@@ -1,4 +1,4 @@
-//! Waveforms that go to the board over its link, and what the PC finds in them.
+//! Waveforms sent to the board over its link, and the PC's echoes for them.
 
 use echoloop_dsp::accumulate::Accumulator;
 use echoloop_dsp::{Echoes, Hardware, Pipeline, Scratch, Settings};
@@ -10,7 +10,7 @@ use echoloop_tests::vectors::{self, KINDS};
 
 use crate::board::answers;
 
-/// A board that gets its waveforms over its link.
+/// A board that receives its waveforms over the link.
 pub(crate) struct Fed {
     pub(crate) board: Qemu<Target>,
     sequence: u16,
@@ -28,7 +28,7 @@ impl Fed {
         fed
     }
 
-    /// Sends commands in one go; their answers.
+    /// Answers to commands that are sent in one go.
     pub(crate) fn ask(&mut self, commands: &[Command<'_>]) -> Vec<Report> {
         let first = self.sequence;
         for command in commands {
@@ -50,7 +50,7 @@ impl Fed {
         self.scan += 1;
     }
 
-    /// The echoes of waveforms, each of which comes as often as there are shots.
+    /// Echoes of waveforms, each sent `shots` times.
     pub(crate) fn echoes(&mut self, waves: &[Vec<u16>], shots: usize) -> Vec<Echoes> {
         let samples = waves[0].len();
         let row: Vec<u16> = waves.iter().flat_map(|wave| wave.repeat(shots)).collect();
@@ -86,14 +86,14 @@ impl Fed {
     }
 }
 
-/// Frames that the board says may be under way.
+/// Number of frames that the board accepts at once.
 pub(crate) const UNDER_WAY: usize = 2;
-/// Of the converter that it says it has.
+/// Bits of the converter that it reports.
 pub(crate) const ADC_BITS: u32 = Hardware::REFERENCE.adc_bits;
-/// Waveforms of a set of settings: every kind twice.
+/// Number of waveforms per case, every kind twice.
 pub(crate) const BEAMS: usize = 32;
 
-/// Settings, and waveforms: not the longest, because a line in an emulator is slow.
+/// Draws settings and waveforms; short ones, because the emulator's line is slow.
 pub(crate) fn case(seed: u64) -> (Settings, Vec<Vec<u16>>) {
     let hardware = Hardware::REFERENCE;
     let mut rng = vectors::rng(seed);
@@ -107,7 +107,7 @@ pub(crate) fn case(seed: u64) -> (Settings, Vec<Vec<u16>>) {
     let kinds = KINDS.iter().cycle().take(BEAMS);
     let waves = kinds.map(|&kind| {
         let mut wave = vectors::waveform(&settings, &hardware, kind, &mut rng);
-        // Some kinds have codes that no converter gives: a line carries its bits alone.
+        // The link carries only the codes of a converter.
         wave.iter_mut().for_each(|code| *code = (*code).min((1 << ADC_BITS) - 1));
         wave.resize((settings.pre_trigger_samples() + settings.bins as u32) as usize, 0);
         wave
@@ -115,7 +115,7 @@ pub(crate) fn case(seed: u64) -> (Settings, Vec<Vec<u16>>) {
     (settings, waves.collect())
 }
 
-/// What the PC finds.
+/// Echoes found on the PC.
 pub(crate) fn on_the_pc(settings: &Settings, waves: &[Vec<u16>]) -> Vec<Echoes> {
     let pipeline = Pipeline::new(settings, &Hardware::REFERENCE).unwrap();
     let mut scratch = Scratch::new();

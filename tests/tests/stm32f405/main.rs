@@ -1,10 +1,11 @@
-//! The image for an STM32F405, a part on sale, in QEMU's `netduinoplus2`: the file that is flashed.
+//! The image for an STM32F405, a part on sale, in QEMU's `netduinoplus2`: the same file that is
+//! flashed.
 //!
-//! QEMU 7.2 has no model of the part's clocks, flash interface and independent watchdog. There the
-//! image leaves the clocks, keeps settings in a file and has the tick as its watchdog, and says so
-//! (`firmware/stm32f4/src/lib.rs`). So these tests say nothing of the flash's driver, which
-//! `firmware/stm32f4/tests/flash` runs over a model of the registers, nor of the independent
-//! watchdog and the speed of the lines, which wait for a board.
+//! QEMU 7.2 does not model the part's clocks, flash interface and independent watchdog. There the
+//! image leaves the clocks, keeps settings in a file, uses the tick as its watchdog, and logs so
+//! (`firmware/stm32f4/src/lib.rs`). So these tests do not cover the flash's driver, which
+//! `firmware/stm32f4/tests/flash` runs on a model of the registers, nor the independent watchdog
+//! and the speed of the lines, which need a board.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -21,20 +22,20 @@ use echoloop_link::{Command, Greeting, MAX_FRAME, Nack, Report, Times, encode, s
 use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
 use echoloop_tests::faults::{Faulty, Rates};
 use echoloop_tests::gdb::Gdb;
-use echoloop_tests::target::symbol;
+use echoloop_tests::target::{assert_stack_bound, paint_stack, symbol};
 
-use board::{answers, board, connect, gain, log, start, start_and_wait, wait_for_words, with_gdb};
+use board::{answers, board, connect, gain, log, start, start_and_wait, wait_for_log, with_gdb};
 use fed::{BEAMS, Fed, case, on_the_pc};
 
 #[test]
-fn it_says_where_it_runs_on_its_second_port_and_to_the_debugger_alike() {
+fn the_second_port_and_the_debugger_have_the_same_log() {
     let Some((mut options, folder)) = board() else { return };
     let socket = with_gdb(&mut options, &folder);
     let mut client = connect(&options);
     assert!(client.identity().build.starts_with("echoloop-sensor "), "{:?}", client.identity());
     client.configure(&gain(700)).unwrap();
     assert_eq!(client.read_settings().unwrap(), gain(700));
-    // It has no laser and no converter, and says so.
+    // It has no laser and no converter, and reports so.
     assert!(matches!(client.scan(1), Err(ClientError::Nack(Nack::FrontEnd))));
     let frames = fs::read(client.transport_mut().log_file()).unwrap();
     let lines = log(&options.image, &frames);
@@ -53,7 +54,7 @@ fn it_says_where_it_runs_on_its_second_port_and_to_the_debugger_alike() {
 }
 
 #[test]
-fn settings_outlive_the_power_wherever_in_a_save_it_goes() {
+fn a_power_cut_during_a_save_leaves_the_old_settings_or_the_new() {
     let Some((options, _folder)) = board() else { return };
     let mut before = Settings::default();
     let (mut old, mut new) = (0, 0);
@@ -64,7 +65,7 @@ fn settings_outlive_the_power_wherever_in_a_save_it_goes() {
         let hash = client.configure(&wanted).unwrap();
         let save = Command::Save { hash };
         client.transport_mut().send(encode(100, &save, &mut [0; MAX_FRAME]).unwrap()).unwrap();
-        // From at once to 3 ms: soonest the save has not begun, latest it is done.
+        // After 0 to 3 ms: the first save has not begun, the last one is done.
         thread::sleep(Duration::from_micros(25 * (round * round) as u64));
         drop(client); // the emulator is killed
         let found = connect(&options).read_settings().unwrap();
@@ -81,7 +82,7 @@ fn settings_outlive_the_power_wherever_in_a_save_it_goes() {
 }
 
 #[test]
-fn a_program_that_hangs_is_restarted_and_begins_with_what_was_saved() {
+fn a_hanging_program_is_restarted_with_the_saved_settings() {
     let Some((mut options, folder)) = board() else { return };
     let socket = with_gdb(&mut options, &folder);
     let mut client = connect(&options);
@@ -90,14 +91,14 @@ fn a_program_that_hangs_is_restarted_and_begins_with_what_was_saved() {
     client.save().unwrap();
     client.configure(&active).unwrap();
     assert_eq!(client.read_counters().unwrap().restarts, 0);
-    // While it is at work: asleep, it has interrupts masked, and the tick in the watchdog's place
-    // is one.
+    // Stopped while it works: asleep, it has interrupts masked, and so the tick that replaces the
+    // watchdog.
     let hello =
         encode(60_000, &Command::Hello(Greeting::OURS), &mut [0; MAX_FRAME]).unwrap().to_vec();
     let mut gdb = Gdb::connect(&socket).unwrap();
     let send = || client.transport_mut().send(&hello).unwrap();
     gdb.run_to(symbol(&options, "take_byte") & !1, send).unwrap();
-    gdb.jump(symbol(&options, "DefaultHandler_") & !1).unwrap(); // turns for ever
+    gdb.jump(symbol(&options, "DefaultHandler_") & !1).unwrap(); // an endless loop
     gdb.detach().unwrap();
     let after = (0..8).find_map(|_| client.read_settings().ok()).unwrap();
     assert_eq!(after, saved);
@@ -106,7 +107,7 @@ fn a_program_that_hangs_is_restarted_and_begins_with_what_was_saved() {
 }
 
 #[test]
-fn behind_a_bad_line_it_never_has_settings_that_nobody_asked_for() {
+fn behind_a_bad_line_it_never_has_settings_that_were_not_sent() {
     let Some((options, _folder)) = board() else { return };
     let retry_policy = RetryPolicy { timeout: Duration::from_millis(40), tries: 12 };
     let line = Faulty::new(start_and_wait(&options), 5);
@@ -137,10 +138,10 @@ fn behind_a_bad_line_it_never_has_settings_that_nobody_asked_for() {
 }
 
 #[test]
-fn what_comes_in_one_go_while_it_is_at_work_waits_in_the_ring() {
+fn bytes_that_arrive_while_it_works_wait_in_the_ring() {
     let Some((options, _folder)) = board() else { return };
     let mut board = start_and_wait(&options);
-    // As much as two frames of the longest: what may be under way.
+    // As many bytes as two frames of the greatest length, which the board accepts at once.
     let mut burst = Vec::new();
     let mut count = 0;
     while burst.len() + 16 < 2 * MAX_FRAME {
@@ -157,7 +158,7 @@ fn what_comes_in_one_go_while_it_is_at_work_waits_in_the_ring() {
 }
 
 #[test]
-fn it_finds_in_2048_waveforms_what_the_pc_finds() {
+fn it_finds_the_pc_s_echoes_in_2048_waveforms() {
     let Some((options, _folder)) = board() else { return };
     let waveforms: usize =
         std::env::var("ECHOLOOP_WAVEFORMS").map_or(2_048, |text| text.parse().unwrap());
@@ -186,7 +187,7 @@ fn its_clock_counts_microseconds() {
     let expected = Times { clock: true, deadline_us: 100_000, ..Times::default() };
     assert_eq!(set, Some(Report::Times(expected)));
     let now_us = || {
-        let mut gdb = Gdb::connect(&socket).unwrap(); // it stands still meanwhile
+        let mut gdb = Gdb::connect(&socket).unwrap(); // stops the processor until detached
         let bytes = gdb.read(COUNTER, 4).unwrap();
         gdb.detach().unwrap();
         u32::from_le_bytes(bytes.try_into().unwrap())
@@ -200,17 +201,13 @@ fn its_clock_counts_microseconds() {
 
 #[test]
 fn the_stack_stays_within_its_bound() {
-    const PAINT: u8 = 0xA5;
+    const PAINTED: u32 = 72 << 10;
     let Some((mut options, folder)) = board() else { return };
     let socket = with_gdb(&mut options, &folder);
     options.arguments.push("-S".into()); // stopped before its first instruction
-    let painted = 72 << 10;
-    let top = symbol(&options, "_stack_start");
     let board = start(&options);
-    let mut gdb = Gdb::connect(&socket).unwrap();
-    gdb.fill(top - painted, painted as usize, PAINT).unwrap();
-    gdb.detach().unwrap();
-    wait_for_words(&board);
+    paint_stack(&options, &socket, PAINTED);
+    wait_for_log(&board);
     let mut fed = Fed::of(board);
     for seed in 0..4 {
         let (settings, waves) = case(seed);
@@ -218,11 +215,5 @@ fn the_stack_stays_within_its_bound() {
         fed.echoes(&waves, settings.shots as usize);
     }
     fed.ask(&[Command::ReadCounters]);
-    let memory = Gdb::connect(&socket).unwrap().read(top - painted, painted as usize).unwrap();
-    let used = memory.len() - memory.iter().position(|&byte| byte != PAINT).unwrap();
-    let record = options.image.with_extension("stack");
-    let bound: usize = fs::read_to_string(&record).unwrap().trim().parse().unwrap();
-    println!("{used} bytes of stack used, bound {bound}");
-    assert!(used <= bound, "{used} bytes were used, the bound is {bound}");
-    assert!(2 * used > bound, "a bound of {bound} for {used} bytes bounds little");
+    assert_stack_bound(&options, &socket, PAINTED);
 }

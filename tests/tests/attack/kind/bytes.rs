@@ -1,4 +1,4 @@
-//! Inputs that fuzzing kept, damaged: frames, sessions, flashes, waveforms.
+//! Damaged inputs of the fuzz corpora: frames, sessions, flashes, waveforms.
 
 use echoloop_tests::harness::{self, corpus};
 use rand::RngExt;
@@ -19,7 +19,7 @@ const TARGETS: [Target; 4] = [
 const KEPT: [&str; 4] = ["frame_decoder", "session", "store", "waveforms"];
 
 #[test]
-fn what_fuzzing_kept_is_borne_when_it_is_damaged() {
+fn damaged_inputs_of_the_corpora_keep_every_property() {
     let corpora = KEPT.map(corpus);
     Campaign { kind: "bytes", cases: 10_000 }.run(|rng| {
         let at = rng.random_range(0..TARGETS.len());

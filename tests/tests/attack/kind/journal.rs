@@ -1,5 +1,5 @@
-//! The journal of a half-done search, damaged: going on from it is refused, or ends as the search
-//! that nothing happened to. Never otherwise.
+//! Damaged journals of an interrupted search: resuming is refused, or ends exactly as the
+//! undamaged search.
 
 use std::fs;
 use std::path::Path;
@@ -20,34 +20,34 @@ use rand_chacha::ChaCha8Rng;
 use crate::campaign::{Campaign, Verdict};
 use crate::damage::accident;
 
-/// Generations of the whole search, and of the journal that is damaged.
+/// Generations of the whole search, and of the interrupted one.
 const GENERATIONS: [usize; 2] = [5, 3];
 
 const HARDWARE: Hardware = Hardware::REFERENCE;
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 
-/// A search so small that it is over in milliseconds.
+/// A search that takes milliseconds.
 struct Subject {
     config: RunConfig,
     dataset: Dataset,
     sensors: Sensors,
 }
 
-/// What comes of a search.
+/// Result of the whole search.
 struct Whole {
     journal: Vec<u8>,
     tuned: Tuned,
 }
 
-/// All that cases share.
+/// Data shared by all cases.
 struct Stage {
     subject: Subject,
     whole: Whole,
-    /// Lines of the half-done journal, header first.
+    /// Lines of the interrupted search's journal, header first.
     half: Vec<Vec<u8>>,
-    /// Journals to take lines from: of the same search on a sensor whose noise is real, and of
-    /// another seed.
+    /// Journals to take foreign lines from: with other errors below the same header, and of another
+    /// seed.
     foreign: [Vec<Vec<u8>>; 2],
 }
 
@@ -101,7 +101,7 @@ impl Subject {
         }
     }
 
-    /// The search that nothing happens to.
+    /// Runs the whole search.
     fn whole(&self) -> Whole {
         let (folder, search) = (tempfile::tempdir().expect("a folder"), self.search());
         let path = folder.path().join("history.jsonl");
@@ -110,7 +110,7 @@ impl Subject {
         Whole { journal: fs::read(path).expect("a journal"), tuned }
     }
 
-    /// A whole journal of other errors below the same header.
+    /// A whole journal with other errors below the same header.
     fn noisy(&self, generations: &[Generation]) -> Vec<u8> {
         let noise = |generation: &Generation| {
             let mut noisy = generation.clone();
@@ -120,7 +120,7 @@ impl Subject {
         self.sealed(&generations.iter().map(noise).collect::<Vec<_>>())
     }
 
-    /// A journal of these generations, with checksums that are right.
+    /// A journal of some generations, with right checksums.
     fn sealed(&self, generations: &[Generation]) -> Vec<u8> {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("history.jsonl");
@@ -129,7 +129,7 @@ impl Subject {
         fs::read(path).expect("a journal")
     }
 
-    /// Goes on from a journal's file: what came of it, or why not.
+    /// Resumes from a journal's file.
     fn resumed(&self, path: &Path, repair: bool) -> Result<Tuned, String> {
         let search = self.search();
         let (mut journal, done) = Journal::resume(path, &search.header(), repair)
@@ -138,7 +138,7 @@ impl Subject {
     }
 }
 
-/// The half-done journal after an accident to its bytes or its lines.
+/// The interrupted search's journal after an accident to its bytes or lines.
 fn damaged(rng: &mut ChaCha8Rng, stage: &Stage) -> Vec<u8> {
     let mut lines = stage.half.clone();
     let [one, other] = [0, 1].map(|_| rng.random_range(0..lines.len()));
@@ -158,7 +158,7 @@ fn damaged(rng: &mut ChaCha8Rng, stage: &Stage) -> Vec<u8> {
     lines.concat()
 }
 
-/// One digit is another: the line stays JSON.
+/// A line with one digit changed; it stays JSON.
 fn digit(rng: &mut ChaCha8Rng, line: &[u8]) -> Vec<u8> {
     let mut line = line.to_vec();
     let digits: Vec<usize> = (0..line.len()).filter(|&i| line[i].is_ascii_digit()).collect();
@@ -173,7 +173,7 @@ fn rubbish(rng: &mut ChaCha8Rng) -> Vec<u8> {
 }
 
 #[test]
-fn a_damaged_journal_is_refused_or_goes_on_to_the_very_end_of_a_whole_one() {
+fn a_damaged_journal_is_refused_or_leads_to_the_result_of_an_undamaged_one() {
     let stage = &*STAGE;
     Campaign { kind: "journal", cases: 200 }.run(|rng| {
         let bytes = damaged(rng, stage);
@@ -187,7 +187,7 @@ fn judge(stage: &Stage, path: &Path, bytes: &[u8], repair: bool) -> Verdict {
     let resumed = stage.subject.resumed(path, repair);
     let after = fs::read(path).map_err(|error| error.to_string())?;
     let lines = lines(bytes);
-    // A damaged header is known by the line that followed it; one of another search stays its own.
+    // A damaged header is recognised by the line that follows it; one of another search is foreign.
     let is_ours = lines.first() == Some(&stage.half[0])
         || lines.contains(&stage.half[1]) && lines[0] != stage.foreign[1][0];
     let copy = fs::read(path.with_extension("jsonl.damaged")).ok();
@@ -195,8 +195,7 @@ fn judge(stage: &Stage, path: &Path, bytes: &[u8], repair: bool) -> Verdict {
         Err(why) if after != bytes && copy.as_deref() != Some(bytes) => {
             Err(format!("refused, yet the damaged file is nowhere: {why}"))
         }
-        // All lines of another run below the same header have checksums that are right: it is the
-        // search that refuses those.
+        // Lines of another run below the same header have right checksums; the search refuses them.
         Err(why) if repair && is_ours && why.starts_with("reading") => {
             Err(format!("not repaired: {why}"))
         }
@@ -210,7 +209,7 @@ fn judge(stage: &Stage, path: &Path, bytes: &[u8], repair: bool) -> Verdict {
     }
 }
 
-/// Makes a generation one that the search would not have written.
+/// Changes a generation to one that the search would not have written.
 fn forge(rng: &mut ChaCha8Rng, generation: &mut Generation) {
     let candidate = rng.random_range(0..generation.candidates.len());
     let one = &mut generation.candidates[candidate];
@@ -235,7 +234,7 @@ fn forge(rng: &mut ChaCha8Rng, generation: &mut Generation) {
 }
 
 #[test]
-fn a_journal_with_right_checksums_of_what_was_never_asked_for_is_refused() {
+fn a_forged_generation_with_a_right_checksum_is_refused() {
     let stage = &*STAGE;
     Campaign { kind: "journal", cases: 200 }.run(|rng| {
         let mut generations = stage.whole.tuned.generations.clone();

@@ -1,4 +1,4 @@
-//! The kinds of attack: a file each, whose name is what `cargo xtask attack --kind` takes.
+//! Kinds of attack, a file each; `cargo xtask attack --kind` takes the file's name.
 
 mod bytes;
 mod journal;

@@ -1,5 +1,5 @@
-//! Files of every reader, damaged as people and disks damage them, and as nobody does by accident:
-//! numbers at the end of their range, lines doubled and exchanged, words of another line.
+//! Damaged files for every reader: accidents of people and disks, numbers at the ends of their
+//! range, repeated and swapped lines, foreign words.
 
 use echoloop_tests::harness::corpus;
 use echoloop_tests::readers::READERS;
@@ -39,7 +39,7 @@ const NUMBERS: [&str; 26] = [
     "0x10",
 ];
 
-/// Words that mean something to one format or another.
+/// Words with a meaning in one of the formats.
 const WORDS: [&str; 14] = [
     "x",
     "list",
@@ -57,14 +57,14 @@ const WORDS: [&str; 14] = [
     "\u{1b}[31m",
 ];
 
-/// Single floats that a reader may not expect, and the bounds of whole numbers.
+/// Bits of floats and integers that a reader may not expect.
 const FLOATS: [u32; 8] = [0x7fc0_0000, 0x7f80_0000, 0xff7f_ffff, 1, 0x8000_0000, u32::MAX, 2, 0];
 
 fn one_of<'a, T>(rng: &mut ChaCha8Rng, all: &'a [T]) -> &'a T {
     &all[rng.random_range(0..all.len())]
 }
 
-/// Where words lie that `is_in` takes the bytes of.
+/// Begin and end of every word; `is_in` tells the bytes of words.
 fn words(bytes: &[u8], is_in: impl Fn(u8) -> bool) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     let mut start = None;
@@ -81,7 +81,7 @@ fn words(bytes: &[u8], is_in: impl Fn(u8) -> bool) -> Vec<(usize, usize)> {
     found
 }
 
-/// Something else instead of one of the words.
+/// `bytes` with one of the words at `places` replaced.
 fn replaced(rng: &mut ChaCha8Rng, bytes: &[u8], places: &[(usize, usize)], by: &str) -> Vec<u8> {
     if places.is_empty() {
         return bytes.to_vec();
@@ -90,11 +90,11 @@ fn replaced(rng: &mut ChaCha8Rng, bytes: &[u8], places: &[(usize, usize)], by: &
     [&bytes[..from], by.as_bytes(), &bytes[to..]].concat()
 }
 
-/// Lines lost, doubled, exchanged, very many, or very long.
+/// `bytes` with lines lost, repeated, swapped, very many, or very long.
 fn lines(rng: &mut ChaCha8Rng, bytes: &[u8]) -> Vec<u8> {
     let mut lines: Vec<Vec<u8>> = bytes.split(|&byte| byte == b'\n').map(<[u8]>::to_vec).collect();
     let [i, j] = [0, 1].map(|_| rng.random_range(0..lines.len()));
-    // Each time may make it two thousand times as long.
+    // The last two ways may make the file two thousand times as long.
     let ways = if bytes.len() < 100_000 { 5 } else { 3 };
     match rng.random_range(0..ways) {
         0 => drop(lines.remove(i)),

@@ -1,5 +1,5 @@
-//! A run's folder with links, FIFOs, folders and left-over files in it, before and while it is
-//! written: what is in the way is named, nothing is written through, nothing waits for ever.
+//! Run folders with links, FIFOs, folders and left-over files in them, before and during writing:
+//! the obstacle is named, nothing is written through a link, nothing hangs.
 
 use std::fs;
 use std::os::unix::fs::{FileTypeExt, symlink};
@@ -15,7 +15,7 @@ use tempfile::TempDir;
 
 use crate::campaign::{Campaign, Verdict};
 
-/// Everything that a run writes, and what it holds.
+/// Names of all files that a run writes, and of its lock.
 const NAMES: [&str; 9] = [
     "config.toml",
     "history.jsonl",
@@ -30,7 +30,7 @@ const NAMES: [&str; 9] = [
 
 const PRECIOUS: &str = "precious";
 
-/// A FIFO to put elsewhere under another name: nobody reads it, so who opens it waits.
+/// A FIFO to link to. It has no reader, so opening it would hang.
 static FIFO: LazyLock<(TempDir, PathBuf)> = LazyLock::new(|| {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("fifo");
@@ -38,7 +38,7 @@ static FIFO: LazyLock<(TempDir, PathBuf)> = LazyLock::new(|| {
     (folder, path)
 });
 
-/// A run's folder, and a file beside it that is nobody's business.
+/// A run's folder, and a file beside it that must not change.
 struct Scene {
     folder: TempDir,
     run: PathBuf,
@@ -57,7 +57,7 @@ impl Scene {
         self.folder.path().join("victim")
     }
 
-    /// Puts something at a name of the run; gives the name if a file cannot be written there.
+    /// Puts something at the path of one of the run's files; returns its name if it is an obstacle.
     fn obstruct(&self, rng: &mut ChaCha8Rng) -> Option<String> {
         let name = NAMES[rng.random_range(0..NAMES.len())];
         let ending = if name != "run.lock" && rng.random() { ".part" } else { "" };
@@ -83,7 +83,7 @@ impl Scene {
         Some(name)
     }
 
-    /// What lies where, with the bytes of files.
+    /// Paths and contents of the run's folder.
     fn seen(&self) -> Vec<(PathBuf, String)> {
         let look = |path: PathBuf| {
             let found = path.symlink_metadata().expect("an entry").file_type();
@@ -111,7 +111,7 @@ impl Scene {
 }
 
 #[test]
-fn what_is_in_the_way_of_a_run_is_named_and_nothing_is_written_through_it() {
+fn an_obstacle_in_a_run_folder_is_named_and_nothing_is_written_through_it() {
     Campaign { kind: "run_folder", cases: 300 }.run(|rng| {
         let scene = Scene::new();
         let verdict = opened(rng, &scene);
@@ -136,11 +136,11 @@ fn named(error: &str, obstacles: &[String]) -> bool {
     obstacles.iter().any(|name| error.contains(&format!("{name}:")))
 }
 
-/// Writes everything, while somebody puts things there.
+/// Writes all files while obstacles appear.
 fn written(rng: &mut ChaCha8Rng, scene: &Scene) -> Verdict {
     let run = RunFolder::open(&scene.run).map_err(|error| error.to_string())?;
     if RunFolder::open(&scene.run).is_ok() {
-        return Err("two have the folder".into());
+        return Err("the folder was opened twice".into());
     }
     let mut obstacles: Vec<String> = Vec::new();
     for name in &NAMES[..7] {
@@ -159,7 +159,7 @@ fn written(rng: &mut ChaCha8Rng, scene: &Scene) -> Verdict {
     Ok("written")
 }
 
-/// What a regular file holds.
+/// Content of a regular file.
 fn at(path: &Path) -> Result<String, String> {
     let is_file = path.symlink_metadata().is_ok_and(|found| found.is_file());
     let text = is_file.then(|| fs::read_to_string(path).ok()).flatten();
@@ -167,13 +167,13 @@ fn at(path: &Path) -> Result<String, String> {
 }
 
 #[test]
-fn an_output_is_whole_or_what_was_there_and_what_is_in_its_way_is_named() {
+fn an_output_is_written_whole_or_its_obstacle_is_named() {
     Campaign { kind: "run_folder", cases: 300 }.run(|rng| {
         let scene = Scene::new();
         let mut blocked = scene.obstruct(rng);
         let name = blocked.clone().unwrap_or_else(|| "cloud.ply".into());
         let path = scene.run.join(&name);
-        // A user's own link is followed to a file.
+        // A link to a file is followed.
         blocked = blocked.filter(|_| fs::metadata(&path).is_ok_and(|found| !found.is_file()));
         let output = Output::at(&path);
         let wrote = output
@@ -182,7 +182,7 @@ fn an_output_is_whole_or_what_was_there_and_what_is_in_its_way_is_named() {
         match (wrote, blocked) {
             (Err(error), Some(_)) if error.contains(&name) => Ok("named and refused"),
             (Ok(()), None) if fs::read(&path).is_ok_and(|bytes| bytes == b"cloud") => Ok("written"),
-            // A link to nothing is nothing that can be written.
+            // A dangling link cannot be written.
             (Err(error), None) if path.is_symlink() && error.contains("a link") => {
                 Ok("named and refused")
             }
