@@ -163,6 +163,7 @@ impl Pipeline {
         let start = config.template.half();
         let end = start.saturating_add(codes.len());
         let (old_start, old_end) = scratch.filled;
+        // The last waveform may have begun earlier or ended later: zeros there again.
         scratch.padded.get_mut(old_start.min(start)..start).unwrap_or_default().fill(0);
         scratch.padded.get_mut(end..old_end.max(end)).unwrap_or_default().fill(0);
         scratch.filled = (start, end);
