@@ -129,7 +129,7 @@ impl Pipeline {
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
         let statistics = loops
             .statistics(self.of_full_gain(codes), config.code_shift, &scratch.statistics)
-            .with_ambient(config.choices.ambient, before, config.code_shift, config.black);
+            .with_ambient(config.ambient, before, config.code_shift, config.black);
         scratch.statistics = statistics;
         self.filter(loops, codes, &statistics, scratch);
         let dithered = scratch.shots.take(config.shots);
