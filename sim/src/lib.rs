@@ -3,7 +3,8 @@
 //! 1. [`scene::generate`] generates a place, [`import::load_scene`] reads one: triangles with
 //!    materials.
 //! 2. [`viewpoint::sample_pairs`] finds pairs of poses in it that a surveyor could scan from.
-//! 3. [`scanner::Scanner::scan`] traces every beam from a pose. The returns depend on the place, and
+//! 3. [`scanner::Scanner::scan`] traces every beam from a pose. The returns depend on the place,
+//!    and
 //!    not on the settings of the sensor.
 //! 4. [`picture::draw`] draws a picture of a scene.
 //!

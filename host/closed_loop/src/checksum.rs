@@ -62,8 +62,8 @@ impl Checksum {
     ///
     /// # Errors
     ///
-    /// Errors of reading; [`io::ErrorKind::InvalidInput`] for anything but a regular file: a pipe or
-    /// device may never end.
+    /// Errors of reading; [`io::ErrorKind::InvalidInput`] for anything but a regular file: a pipe
+    /// or device may never end.
     pub fn of_file(path: &Path) -> io::Result<Self> {
         if !path.metadata()?.is_file() {
             return Err(io::ErrorKind::InvalidInput.into());

@@ -262,8 +262,8 @@ mod tests {
         assert!(near(1.08 / sigma_ua, 12.6), "{sigma_ua}");
     }
 
-    /// Expected values computed independently, from the equations and defaults of benches/record/physics.md
-    /// and CODATA's constants.
+    /// Expected values computed independently, from the equations and defaults of
+    /// benches/record/physics.md and CODATA's constants.
     #[test]
     fn the_current_without_a_signal_is_that_of_the_sun_on_the_whole_footprint() {
         let receiver = Receiver::default();

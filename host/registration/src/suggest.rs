@@ -186,7 +186,8 @@ pub fn suggest_refinement(target: &Cloud, source: &Cloud, global_voxel_m: f64) -
 /// It is enlarged, to its double at most, where points lie so far apart that fewer than half of
 /// them have 8 neighbours within the normals' radius of three voxels, or fewer than three quarters
 /// 15 within the features' of five; and where more than 30,000 points would be left. On the hard
-/// pairs (benches/record/registration.md) FGR then finds as many as with the best voxel of 0.3, 0.5, 0.8 and
+/// pairs (benches/record/registration.md) FGR then finds as many as with the best voxel of 0.3,
+/// 0.5, 0.8 and
 /// 1.2 m in every kind of place, at every distance, in dense scans and in sparse ones; with 0.3 to
 /// 0.7 m, which the radius once asked for, it found 62 % instead of 75 %. The motion is the rougher
 /// the larger the voxel is: refine it.

@@ -29,7 +29,8 @@ pub struct Record {
     pub trained_in: Option<TrainedIn>,
     /// Checksums of the scene, the front end and every scan.
     pub content: Content,
-    /// Where the parameters come from: an [`Origin`](echoloop_closed_loop::search::Origin), written.
+    /// Where the parameters come from: an [`Origin`](echoloop_closed_loop::search::Origin),
+    /// written.
     pub origin: String,
     /// Generations searched.
     pub generations: usize,

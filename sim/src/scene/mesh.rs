@@ -55,7 +55,8 @@ pub enum MeshFault {
     },
     /// The plane given as ground is too steep, too far, or not finite.
     #[error(
-        "its ground z = {}·x + {}·y + {} must rise by at most 1 m per metre and lie within its reach",
+        "its ground z = {}·x + {}·y + {} must rise by at most 1 m per metre and lie within its \
+         reach",
         plane[0], plane[1], plane[2]
     )]
     Ground {

@@ -6,7 +6,8 @@
 //!     instruments:: -- --nocapture
 //! ```
 //!
-//! prints the tables of benches/record/waveforms.md. Seeds below 100 were used to choose the constants.
+//! prints the tables of benches/record/waveforms.md. Seeds below 100 were used to choose the
+//! constants.
 
 use std::ops::Range;
 

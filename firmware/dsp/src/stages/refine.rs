@@ -99,8 +99,8 @@ impl Refiner<'_> {
     /// [`Timing`](crate::stages::timing::Timing)'s.
     ///
     /// Against the same method in real numbers, 12 bits, noise of 4 codes or more: within 4, 1 and
-    /// 0.6 mm at SNR 5, 20 and 100. The reason for each step is in `benches/record/detector.md`, Sub-sample
-    /// time.
+    /// 0.6 mm at SNR 5, 20 and 100. The reason for each step is in `benches/record/detector.md`,
+    /// Sub-sample time.
     #[inline(never)]
     pub fn refine(&self, f: impl Fn(i64) -> i64, peak: Peak) -> Refined {
         let config = self.config;

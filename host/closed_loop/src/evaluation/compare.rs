@@ -75,8 +75,8 @@ impl Comparison {
         self.interval[0] > 0.0
     }
 
-    /// The comparison in words. Where the interval holds zero, errors are called equal only if it is
-    /// narrow: few pairs prove nothing.
+    /// The comparison in words. Where the interval holds zero, errors are called equal only if it
+    /// is narrow: few pairs prove nothing.
     pub fn error(&self) -> &'static str {
         match self.interval {
             [low, _] if low > 0.0 => "a higher error",

@@ -8,8 +8,8 @@ use crate::evaluation::objective::PairError;
 use crate::evaluation::summary::{Summary, median, succeeds};
 use echoloop_statistics::{coin, wilson};
 
-/// Least number of pairs for a significant gain: five of five agree by chance in 1 of 16 cases (sign
-/// test, two-sided).
+/// Least number of pairs for a significant gain: five of five agree by chance in 1 of 16 cases
+/// (sign test, two-sided).
 const FEWEST: usize = 6;
 
 /// Significance level of the exact test.
@@ -124,7 +124,8 @@ impl Figures<Estimate> {
 }
 
 impl Figures<Difference> {
-    /// Figures of the second summary minus those of the first, over the same pairs in the same order.
+    /// Figures of the second summary minus those of the first, over the same pairs in the same
+    /// order.
     pub fn between(first: &Summary, second: &Summary, data: &DataConfig) -> Self {
         let pair = [first, second].map(|summary| Judged { errors: &summary.errors, data });
         let count = first.errors.len().min(second.errors.len());

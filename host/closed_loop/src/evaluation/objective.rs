@@ -36,8 +36,8 @@ pub struct PairError {
 }
 
 impl PairError {
-    /// True when no motion was found, for want of points, pairs, matches or valid settings. The error
-    /// is then that of the initial guess.
+    /// True when no motion was found, for want of points, pairs, matches or valid settings. The
+    /// error is then that of the initial guess.
     pub fn is_of_no_motion(&self) -> bool {
         let of_nothing = [
             StopReason::EmptyCloud,

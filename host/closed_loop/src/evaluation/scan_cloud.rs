@@ -18,8 +18,8 @@ pub fn cloud_from_scan(scan: &[Echoes], directions: &[Vector3<f32>]) -> Cloud {
     Cloud { range_sd_m: Some(range_sd_m), ..Cloud::new(points.collect()) }
 }
 
-/// As [`cloud_from_scan`], with all that the sensor tells of each echo. Ring, column and time follow
-/// from the pattern and the configured duration: the link carries no times.
+/// As [`cloud_from_scan`], with all that the sensor tells of each echo. Ring, column and time
+/// follow from the pattern and the configured duration: the link carries no times.
 pub fn recorded_from_scan(
     scan: &[Echoes],
     beams: &Beams,

@@ -97,7 +97,8 @@ impl NoisyPairs<'_> {
     }
 }
 
-/// Registers every pair in parallel; results in the order of the pairs. `done` is called after each.
+/// Registers every pair in parallel; results in the order of the pairs. `done` is called after
+/// each.
 ///
 /// # Errors
 ///

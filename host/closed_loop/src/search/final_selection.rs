@@ -151,8 +151,8 @@ impl FinalSelection {
         best.unwrap_or_default()
     }
 
-    /// Finalists that go on; ties go to the earlier entry. One that has seen all pairs before stays:
-    /// it costs nothing, and no finalist wins without a comparison with it on all of them.
+    /// Finalists that go on; ties go to the earlier entry. One that has seen all pairs before
+    /// stays: it costs nothing, and no finalist wins without a comparison with it on all of them.
     fn go_on(
         &self,
         left: &[usize],

@@ -106,7 +106,8 @@ impl SearchRun<'_> {
         for (number, stage) in later.iter().enumerate() {
             let is_last = number + 1 == later.len();
             let mut finalists = winners.clone();
-            // Where registration keeps what it began at, the sensor was searched from there already.
+            // Where registration keeps what it began at, the sensor was searched from there
+            // already.
             if !is_last && registration == begin {
                 self.total -= stage.generations;
             } else {

@@ -188,9 +188,8 @@ proptest! {
         };
         let pairs: Vec<PointPair> = points.iter().map(pair).collect();
         let outcome = outdoor().solve(&pairs);
-        prop_assert!(
-            echoloop_clouds::pose::to_rows(&outcome.target_from_source).iter().all(|v| v.is_finite())
-        );
+        let rows = echoloop_clouds::pose::to_rows(&outcome.target_from_source);
+        prop_assert!(rows.iter().all(|v| v.is_finite()));
     }
 }
 
