@@ -154,3 +154,55 @@ fn host_steps() -> Result<Vec<Step>> {
 fn building() -> Result<Step> {
     Step::cargo("building", &["test", "--workspace", "--no-run"])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EVERYTHING: Test = Test { only_tests: false, all: true, install: false };
+    const USUAL: Test = Test { all: false, ..EVERYTHING };
+
+    fn shown(steps: &[Step]) -> Vec<&str> {
+        steps.iter().map(Step::shown).collect()
+    }
+
+    #[test]
+    fn images_that_are_not_built_are_named_to_the_tests_and_the_others_are_counted() {
+        let chosen = ALWAYS.each_ref();
+        let flags = "--target thumbv7em-none-eabihf --target riscv32imac-unknown-none-elf";
+        assert_eq!(
+            shown(&image_steps(&USUAL, &chosen).unwrap()),
+            [
+                format!("cargo xtask firmware --lint --for-tests {flags}"),
+                format!("cargo xtask cost {flags}")
+            ]
+        );
+        let tests = tests(Path::new("/nowhere"), &chosen).unwrap();
+        let left_out = "thumbv8m.main-none-eabihf,cortex-m55,thumbv6m-none-eabi";
+        assert_eq!(tests.variable(LEFT_OUT).unwrap(), left_out);
+    }
+
+    #[test]
+    fn with_all_images_none_is_left_out_and_a_target_that_nothing_builds_for_is_no_excuse() {
+        let tests = tests(Path::new("/nowhere"), &targets()).unwrap();
+        assert_eq!(tests.variable(LEFT_OUT).unwrap(), "");
+        let images = image_steps(&EVERYTHING, &targets()).unwrap();
+        assert!(!images[0].shown().contains("--for-tests"), "{}", images[0].shown());
+        let only_tests = Test { only_tests: true, ..USUAL };
+        let images = image_steps(&only_tests, &ALWAYS.each_ref()).unwrap();
+        assert!(images.len() == 1 && !images[0].shown().contains("--lint"));
+    }
+
+    #[test]
+    fn a_record_that_holds_leaves_the_images_of_the_usual_boards_unless_all_are_asked_for() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("firmware")).unwrap();
+        let state = Verified::now(&workspace().unwrap(), "rustc 1").unwrap();
+        let names =
+            |asked| chosen(asked, folder.path(), &state).iter().map(|t| t.name).collect::<Vec<_>>();
+        assert_eq!(names(&USUAL).len(), targets().len(), "there is no record");
+        state.write(folder.path()).unwrap();
+        assert_eq!(names(&USUAL), [ARMV7EM.name, RV32.name]);
+        assert_eq!(names(&EVERYTHING).len(), targets().len());
+    }
+}

@@ -37,6 +37,18 @@ impl Step {
         Ok(Self { name, shown: format!("cargo xtask {}", arguments.join(" ")), command })
     }
 
+    /// The command as one types it.
+    #[cfg(test)]
+    pub(super) fn shown(&self) -> &str {
+        &self.shown
+    }
+
+    /// A variable that was set for the command.
+    #[cfg(test)]
+    pub(super) fn variable(&self, key: &str) -> Option<&std::ffi::OsStr> {
+        self.command.get_envs().find(|(name, _)| *name == key)?.1
+    }
+
     /// Sets a variable of the command's environment.
     pub(super) fn with(mut self, key: &str, value: impl AsRef<std::ffi::OsStr>) -> Self {
         self.command.env(key, value);
