@@ -1,4 +1,4 @@
 //! See `echoloop_tests::harness::frame_decoder`.
-#![no_main]
+#![cfg_attr(fuzzing, no_main)]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| echoloop_tests::harness::frame_decoder(bytes));
+echoloop_fuzz::target!(echoloop_tests::harness::frame_decoder);

@@ -1,4 +1,4 @@
 //! See `echoloop_tests::harness::store`.
-#![no_main]
+#![cfg_attr(fuzzing, no_main)]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| echoloop_tests::harness::store(bytes));
+echoloop_fuzz::target!(echoloop_tests::harness::store);

@@ -1,6 +1,4 @@
 //! See `echoloop_tests::readers::xyz`.
-#![no_main]
+#![cfg_attr(fuzzing, no_main)]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    echoloop_tests::readers::xyz(bytes);
-});
+echoloop_fuzz::target!(echoloop_tests::readers::xyz);

@@ -36,6 +36,9 @@ pub fn machine_with(machine: Machine, program: &str) -> Option<QemuOptions> {
 
 fn ready(options: QemuOptions) -> Option<QemuOptions> {
     let machine = options.machine;
+    if echoloop_needs::is_left_out(machine.target()) {
+        return None;
+    }
     let missing = match check_installed(machine) {
         Err(error) => error.to_string(),
         Ok(()) if !options.image.is_file() => {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours, its folder, and those of ours that it may name in its dependencies.
-const ALLOWED: [(&str, &str, &[&str]); 32] = [
+const ALLOWED: [(&str, &str, &[&str]); 33] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
     ("echoloop-dispatch", "host/dispatch", &[]),
     ("echoloop-random", "host/random", &["echoloop-dispatch"]),
@@ -134,6 +134,7 @@ const ALLOWED: [(&str, &str, &[&str]); 32] = [
         "examples/detector_firmware",
         &["echoloop-dsp", "echoloop-kernels"],
     ),
+    ("echoloop-fuzz", "fuzz", &["echoloop-tests"]),
     ("xtask", "xtask", &[]),
 ];
 
@@ -304,6 +305,38 @@ fn every_member_of_the_workspace_is_in_the_table() {
     assert_eq!(members, ALLOWED.iter().map(|(_, folder, _)| *folder).collect());
 }
 
+/// Crates that others may take by themselves.
+const FOR_OTHERS: [&str; 6] = [
+    "firmware/dsp",
+    "firmware/link",
+    "host/clouds",
+    "host/registration",
+    "host/cmaes",
+    "host/frontend",
+];
+
+#[test]
+fn crates_for_others_say_what_crates_io_asks_for_and_their_readme_compiles() {
+    for folder in FOR_OTHERS {
+        let manifest = table(&format!("{folder}/Cargo.toml"));
+        let package = manifest["package"].as_table().expect("a package");
+        for key in ["description", "license", "rust-version", "readme"] {
+            assert!(package.contains_key(key), "{folder} has no {key}");
+        }
+        let words = |key: &str| package[key].as_array().map_or(0, Vec::len);
+        assert!((1..=5).contains(&words("keywords")), "{folder}");
+        assert!((1..=5).contains(&words("categories")), "{folder}");
+        for keyword in package["keywords"].as_array().into_iter().flatten() {
+            let text = keyword.as_str().unwrap_or_default();
+            let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '-';
+            assert!(text.len() <= 20 && text.chars().all(is_plain), "{folder}: {text}");
+        }
+        let read = |name: &str| std::fs::read_to_string(workspace().join(folder).join(name));
+        assert!(read("README.md").expect("a readme").contains("```rust"), "{folder}");
+        assert!(read("src/lib.rs").expect("a library").contains("../README.md"), "{folder}");
+    }
+}
+
 #[test]
 fn the_libraries_bring_neither_the_program_nor_its_command_line() {
     for package in
@@ -319,7 +352,7 @@ fn the_libraries_bring_neither_the_program_nor_its_command_line() {
 
 #[test]
 fn what_tests_need_is_built_into_no_crate_but_theirs() {
-    for (package, folder, _) in ALLOWED.iter().filter(|(_, folder, _)| *folder != "tests") {
+    for (package, folder, _) in ALLOWED.iter().filter(|(_, f, _)| !["tests", "fuzz"].contains(f)) {
         let built = built_into(package, None);
         let needs = built.iter().filter(|line| name(line) == "echoloop-needs").count();
         assert_eq!(needs, usize::from(*folder == "tests/needs"), "{package}");

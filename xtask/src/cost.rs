@@ -27,14 +27,19 @@ use table::{TABLE, TOLERANCE_PERCENT, Table, compare, parse};
 /// An emulator that runs longer hangs.
 const LONGEST: Duration = Duration::from_secs(60);
 
-/// Counts and compares with the committed table, or rewrites it.
+/// Counts on the processors of some targets, or on all, and compares with the committed table, or
+/// rewrites it.
 ///
 /// # Errors
 ///
 /// When the image finds a kernel that differs from its portable form, or a figure grew.
-pub(crate) fn run(update: bool) -> Result<()> {
-    let Some(counted) = count()? else { return Ok(()) };
-    if update { write(&counted) } else { check(&counted) }
+pub(crate) fn run(update: bool, targets: &[String]) -> Result<()> {
+    let is_counted = |machine: &&Machine| {
+        targets.is_empty() || targets.iter().any(|name| name == machine.target.name)
+    };
+    let machines: Vec<&Machine> = MACHINES.iter().filter(is_counted).collect();
+    let Some(counted) = count(&machines)? else { return Ok(()) };
+    if update { write(&counted) } else { check(counted) }
 }
 
 fn write(counted: &Table) -> Result<()> {
@@ -45,12 +50,15 @@ fn write(counted: &Table) -> Result<()> {
     Ok(())
 }
 
-/// Compares with the committed table and with the aims.
-fn check(counted: &Table) -> Result<()> {
+/// Compares with the committed table and with the aims; processors that were not counted count as
+/// committed.
+fn check(mut counted: Table) -> Result<()> {
     let root = workspace()?;
     let text =
         fs::read_to_string(root.join(TABLE)).with_context(|| format!("cannot read {TABLE}"))?;
     let committed = Table::from_text(&text)?;
+    let figures = counted.figures.len();
+    counted.complete(&committed);
     let (ours, theirs) = (&counted.measured_with, &committed.measured_with);
     if counted.compiler() != committed.compiler() {
         ensure!(
@@ -60,7 +68,7 @@ fn check(counted: &Table) -> Result<()> {
         println!("{ours} against {theirs}: not compared; the kernels equal their portable forms");
         return Ok(());
     }
-    let (grown, shrunk) = compare(&committed, counted);
+    let (grown, shrunk) = compare(&committed, &counted);
     shrunk.iter().for_each(|line| println!("less: {line}"));
     ensure!(
         grown.is_empty(),
@@ -75,8 +83,8 @@ fn check(counted: &Table) -> Result<()> {
         drawn == page::draw(&committed)?,
         "{PAGE} is not what {TABLE} says: cargo xtask cost --update"
     );
-    Aims::from_table(counted)?.check()?;
-    println!("{} figures, none grew by more than {TOLERANCE_PERCENT} %", counted.figures.len());
+    Aims::from_table(&counted)?.check()?;
+    println!("{figures} figures, none grew by more than {TOLERANCE_PERCENT} %");
     Ok(())
 }
 
@@ -89,7 +97,7 @@ fn check(counted: &Table) -> Result<()> {
 /// When the image finds a kernel that differs from its portable form; where `CI` is set, when
 /// something is missing.
 pub(crate) fn counted() -> Result<Option<serde_json::Value>> {
-    let Some(table) = count()? else { return Ok(None) };
+    let Some(table) = count(&MACHINES.iter().collect::<Vec<_>>())? else { return Ok(None) };
     let mut tree = serde_json::json!({});
     for ([processor, kernel, case, stage], instructions) in table.figures {
         tree[processor][kernel][case][stage] = instructions.into();
@@ -98,15 +106,16 @@ pub(crate) fn counted() -> Result<Option<serde_json::Value>> {
     Ok(Some(tree))
 }
 
-/// Every figure; `None` when it cannot be counted here.
-fn count() -> Result<Option<Table>> {
-    if can_build()? && can_emulate()? { count_all().map(Some) } else { Ok(None) }
+/// The figures of some processors; `None` when they cannot be counted here.
+fn count(machines: &[&Machine]) -> Result<Option<Table>> {
+    let is_possible = can_build(machines)? && can_emulate(machines)?;
+    is_possible.then(|| count_all(machines)).transpose()
 }
 
 /// Whether there is a toolchain for every processor; where nobody would see that there is none,
 /// that is an error.
-fn can_build() -> Result<bool> {
-    for machine in &MACHINES {
+fn can_build(machines: &[&Machine]) -> Result<bool> {
+    for machine in machines {
         match firmware::toolchain(&machine.target) {
             Err(error) if env::var_os("CI").is_some() => return Err(error),
             Err(error) => {
@@ -120,8 +129,8 @@ fn can_build() -> Result<bool> {
 }
 
 /// Whether every emulator is there; where nobody would see that one is not, that is an error.
-fn can_emulate() -> Result<bool> {
-    let Some(missing) = MACHINES.iter().find(|machine| !on_path(machine.emulator)) else {
+fn can_emulate(machines: &[&Machine]) -> Result<bool> {
+    let Some(missing) = machines.iter().find(|machine| !on_path(machine.emulator)) else {
         return Ok(true);
     };
     let how = format!("no {}; run: apt-get install {}", missing.emulator, missing.package);
@@ -132,10 +141,10 @@ fn can_emulate() -> Result<bool> {
     Ok(false)
 }
 
-fn count_all() -> Result<Table> {
+fn count_all(machines: &[&Machine]) -> Result<Table> {
     let mut table = Table { measured_with: measured_with()?, figures: Vec::new() };
     let mut images = BTreeMap::new();
-    for machine in &MACHINES {
+    for machine in machines {
         let target = &machine.target;
         if !images.contains_key(target.name) {
             let image = firmware::build("echoloop-image", "echoloop-cost", target)?;

@@ -118,38 +118,50 @@ pub(crate) fn toolchain(target: &Target) -> Result<Toolchain> {
     Toolchain::find(target, AT_LEAST)
 }
 
-/// Builds the images for the tests that run them, having linted what only they compile. A target
-/// that nothing here builds for is skipped aloud; where `CI` is set, that is a failure.
+/// Builds and measures the images of some targets, or of all, having linted what only they compile
+/// when asked to. For tests, a target that nothing here builds for is skipped aloud; where `CI` is
+/// set, that is a failure.
 ///
 /// # Errors
 ///
-/// As [`run`].
-pub(crate) fn for_tests(lint: bool) -> Result<()> {
+/// As [`run`], or when a lint warns.
+pub(crate) fn checked(names: &[String], verbose: bool, lint: bool, for_tests: bool) -> Result<()> {
     let mut found = Vec::new();
-    for target in targets() {
+    for target in
+        targets().into_iter().filter(|t| names.is_empty() || names.iter().any(|n| n == t.name))
+    {
         match toolchain(target) {
             Ok(toolchain) => {
                 found.push(target.name.to_owned());
-                if lint && target == COPIED {
-                    link_copied(&toolchain)?;
-                }
-                if lint && LINTED.contains(target) && toolchain.is_prebuilt() {
-                    let images = IMAGES.iter().filter(|image| image.target == *target);
-                    let unlogged = UNLOGGED.into_iter().filter(|_| target == COPIED);
-                    for package in images.map(|image| image.package).chain(unlogged) {
-                        clippy(&toolchain, target, package)?;
-                    }
+                if lint {
+                    lint_for(target, &toolchain)?;
                 }
             }
-            Err(error) if env::var_os("CI").is_some() => return Err(error),
+            Err(error) if !for_tests || env::var_os("CI").is_some() => return Err(error),
             Err(error) => eprintln!("SKIPPED: {error:#}"),
         }
     }
-    if found.is_empty() { Ok(()) } else { run(&found, false) }
+    let is_skipped = for_tests && found.is_empty();
+    if is_skipped { Ok(()) } else { run(if for_tests { &found } else { names }, verbose) }
+}
+
+/// Links what users copy, and lints what is compiled for this target alone.
+fn lint_for(target: &Target, toolchain: &Toolchain) -> Result<()> {
+    if target == COPIED {
+        link_copied(toolchain)?;
+    }
+    if LINTED.contains(target) && toolchain.is_prebuilt() {
+        let images = IMAGES.iter().filter(|image| image.target == *target);
+        let unlogged = UNLOGGED.into_iter().filter(|_| target == COPIED);
+        for package in images.map(|image| image.package).chain(unlogged) {
+            clippy(toolchain, target, package)?;
+        }
+    }
+    Ok(())
 }
 
 /// Every target once.
-fn targets() -> Vec<&'static Target> {
+pub(crate) fn targets() -> Vec<&'static Target> {
     let mut targets: Vec<&Target> = Vec::new();
     for Image { target, .. } in &IMAGES {
         if !targets.contains(&target) {
@@ -204,7 +216,7 @@ pub(crate) fn build(package: &str, program: &str, target: &Target) -> Result<Pat
 /// # Errors
 ///
 /// When one cannot be built, does not fit its board, has no bound on its stack, or can panic.
-pub(crate) fn run(targets: &[String], verbose: bool) -> Result<()> {
+fn run(targets: &[String], verbose: bool) -> Result<()> {
     let chosen: Vec<&Image> = match targets {
         [] => IMAGES.iter().collect(),
         some => some.iter().map(|target| known(target)).collect::<Result<Vec<_>>>()?.concat(),

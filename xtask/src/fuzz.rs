@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail};
 
-use crate::shell::{cargo_command, succeed, workspace};
+use crate::shell::workspace;
 
 /// Targets in `fuzz/fuzz_targets`, and how long an input is worth trying.
 const TARGETS: [(&str, u32); 19] = [
@@ -32,16 +32,8 @@ const TARGETS: [(&str, u32); 19] = [
     ("journal", 8_192),
 ];
 
-/// Sees that every target compiles. Nothing is linked, so libFuzzer itself is not built.
-pub(crate) fn check() -> Result<()> {
-    let mut command = cargo_command()?;
-    command.args(["check", "--manifest-path", "fuzz/Cargo.toml", "--locked", "--quiet"]);
-    command.args(["--bins", "--target-dir", "target/fuzz"]);
-    succeed(command.env("CUSTOM_LIBFUZZER_PATH", "./none"))
-}
-
 /// Runs every target, or only one, for so many seconds, from the inputs that were kept: a line of
-/// hexadecimal digits each in `fuzz/corpus/TARGET.hex`. All inputs lie in `fuzz/target/corpus`.
+/// hexadecimal digits each in `fuzz/corpus/TARGET.hex`. All inputs lie in `target/fuzz/corpus`.
 pub(crate) fn run(only: Option<&str>, seconds: u32) -> Result<()> {
     if !is_installed() {
         bail!(
@@ -55,10 +47,11 @@ pub(crate) fn run(only: Option<&str>, seconds: u32) -> Result<()> {
     for (target, length) in
         TARGETS.into_iter().filter(|(name, _)| only.is_none_or(|only| only == *name))
     {
-        let inputs = workspace()?.join("fuzz/target/corpus").join(target);
+        let inputs = workspace()?.join("target/fuzz/corpus").join(target);
         unpack(target, &inputs).with_context(|| format!("cannot fill {}", inputs.display()))?;
         let mut command = cargo_fuzz()?;
-        command.args(["run", "--sanitizer", "none", target]).arg(&inputs);
+        command.args(["run", "--sanitizer", "none", "--target-dir", "target/fuzz", target]);
+        command.arg(&inputs);
         command.args([
             "--",
             &format!("-max_total_time={seconds}"),
@@ -97,6 +90,7 @@ fn is_installed() -> bool {
 fn cargo_fuzz() -> Result<Command> {
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(workspace()?).env("RUSTC_BOOTSTRAP", "1").arg("fuzz");
+    command.env("CARGO_PROFILE_RELEASE_DEBUG", "1"); // lines of a crash
     Ok(command)
 }
 

@@ -15,29 +15,23 @@ mod record;
 mod shell;
 mod study;
 mod target;
+mod test;
 mod thumb;
 mod toolchain;
 mod towns;
 
-use std::env;
-use std::thread;
-
-use anyhow::{Result, anyhow};
+use anyhow::Result;
 use clap::Parser;
 
-use shell::{cargo, cargo_command, on_path, succeed};
+use shell::{cargo, cargo_command, succeed};
 
 /// Project commands.
 #[derive(Parser)]
 #[command(name = "cargo xtask")]
 enum Task {
     /// Everything that must hold before a change lands: format, lints, documentation, images, all
-    /// tests, cost on microcontrollers.
-    Test {
-        /// Only the tests.
-        #[arg(long)]
-        only_tests: bool,
-    },
+    /// tests, cost on microcontrollers. Adds the compiler's targets that are missing.
+    Test(test::Test),
     /// The sensor's images for microcontrollers, with flash, RAM and worst-case stack; fails when
     /// one can panic.
     Firmware {
@@ -47,6 +41,12 @@ enum Task {
         /// Also print the deepest path of calls.
         #[arg(short, long)]
         verbose: bool,
+        /// Also lint what only the images compile.
+        #[arg(long)]
+        lint: bool,
+        /// Skip a target that nothing here builds for, unless CI is set.
+        #[arg(long, hide = true)]
+        for_tests: bool,
     },
     /// The speed record: every criterion bench.
     Bench,
@@ -82,8 +82,11 @@ enum Task {
     /// more than 2 %.
     Cost {
         /// Writes the table anew instead.
-        #[arg(long)]
+        #[arg(long, conflicts_with = "target")]
         update: bool,
+        /// Only on processors of this target; may be repeated.
+        #[arg(long)]
+        target: Vec<String>,
     },
     /// The figures that README and docs print: runs what is cheap, compares run, record and pages.
     Figures(figures::Figures),
@@ -104,14 +107,16 @@ enum Task {
 
 fn main() -> Result<()> {
     match Task::parse() {
-        Task::Test { only_tests } => test(only_tests),
-        Task::Firmware { target, verbose } => firmware::run(&target, verbose),
+        Task::Test(asked) => test::run(&asked),
+        Task::Firmware { target, verbose, lint, for_tests } => {
+            firmware::checked(&target, verbose, lint, for_tests)
+        }
         Task::Bench => cargo(["bench", "--workspace"]),
         Task::OnTarget { waveforms } => on_target(waveforms),
         Task::Storm { frames, seed } => storm(frames, seed),
         Task::Fuzz { target, seconds } => fuzz::run(target.as_deref(), seconds),
         Task::Attack(asked) => attack::run(&asked),
-        Task::Cost { update } => cost::run(update),
+        Task::Cost { update, target } => cost::run(update, &target),
         Task::Figures(asked) => figures::run(&asked),
         Task::Peers(asked) => peers::run(asked),
         Task::Pictures => pictures::run(),
@@ -121,43 +126,8 @@ fn main() -> Result<()> {
     }
 }
 
-fn test(only_tests: bool) -> Result<()> {
-    say_what_is_missing();
-    if !only_tests {
-        cargo(["fmt", "--all", "--check"])?;
-    }
-    // An image is linked by one core alone, in a folder of its own: the others need not wait.
-    thread::scope(|scope| {
-        let images = scope.spawn(|| prepare_images(!only_tests));
-        let host = prepare_host(!only_tests);
-        let images = images.join().map_err(|_| anyhow!("the images' thread panicked"))?;
-        host.and(images)
-    })?;
-    cargo(["test", "--workspace"])?;
-    peers::clouds_where_there_are_peers()?;
-    peers::searches::run_where_they_can_be_had()
-}
-
-/// Builds the images that the tests run, and counts what they cost, which no load changes.
-fn prepare_images(all: bool) -> Result<()> {
-    firmware::for_tests(all)?;
-    if all { cost::run(false) } else { Ok(()) }
-}
-
-/// Builds the tests, having linted everything and its documentation.
-fn prepare_host(all: bool) -> Result<()> {
-    if all {
-        cargo(["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"])?;
-        let mut doc = cargo_command()?;
-        doc.args(["doc", "--workspace", "--no-deps", "--quiet"]);
-        succeed(doc.env("RUSTDOCFLAGS", "-D warnings"))?;
-        fuzz::check()?;
-    }
-    cargo(["test", "--workspace", "--no-run"])
-}
-
 fn on_target(waveforms: u32) -> Result<()> {
-    firmware::for_tests(false)?;
+    firmware::checked(&[], false, false, true)?;
     let mut command = cargo_command()?;
     command.args([
         "test",
@@ -179,30 +149,6 @@ fn storm(frames: u64, seed: u64) -> Result<()> {
     command.args(["--", "--nocapture"]);
     command.env("ECHOLOOP_FRAMES", frames.to_string());
     succeed(command.env("ECHOLOOP_SEED", seed.to_string()))
-}
-
-/// Tests skip what they cannot do, aloud; this says it before they begin.
-fn say_what_is_missing() {
-    if env::var_os("ECHOLOOP_DATA").is_none() {
-        eprintln!(
-            "note: ECHOLOOP_DATA is not set: tests on real scans and meshes will be skipped \
-             (see docs/data.md)"
-        );
-    }
-    let browser = ["chromium", "chromium-browser", "google-chrome"].into_iter().any(on_path);
-    for (emulator, package) in
-        [("qemu-system-arm", "qemu-system-arm"), ("qemu-system-riscv32", "qemu-system-misc")]
-    {
-        if !on_path(emulator) {
-            eprintln!(
-                "note: no {emulator}: the image will not be run on its boards \
-                 (apt-get install {package})"
-            );
-        }
-    }
-    if !browser {
-        eprintln!("note: no Chromium: the pages will not be looked at (apt-get install chromium)");
-    }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //! them, our side built, both on the same files or functions.
 
 mod environment;
-pub(crate) mod searches;
+mod searches;
 
 use std::path::Path;
 use std::process::Command;
@@ -10,7 +10,7 @@ use std::process::Command;
 use anyhow::Result;
 
 use crate::shell::{build_as_tested, built, cargo, succeed, workspace};
-use environment::{environment, holds, interpreter};
+use environment::{environment, holds};
 
 /// What to measure besides speed.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -60,8 +60,9 @@ const REQUIREMENTS: &str = "benches/peers/requirements.txt";
 pub(crate) fn run(peers: Peers) -> Result<()> {
     if peers.clouds {
         let root = workspace()?;
-        environment(&root.join(ENVIRONMENT), &root.join(REQUIREMENTS))?;
-        return clouds_where_there_are_peers();
+        let python = environment(&root.join(ENVIRONMENT), &root.join(REQUIREMENTS))?;
+        build_as_tested()?;
+        return clouds(&root, &python, &built(&root).join("debug/echoloop"));
     }
     if peers.searches {
         return searches::run();
@@ -110,20 +111,16 @@ fn clouds(root: &Path, python: &Path, echoloop: &Path) -> Result<()> {
     succeed(command.arg("--work").arg(root.join("target/peers/attributes")))
 }
 
-/// The same with what the tests have built, where the peers have been installed; else says that it
-/// is left out.
-pub(crate) fn clouds_where_there_are_peers() -> Result<()> {
-    let root = workspace()?;
-    let environment = root.join(ENVIRONMENT);
-    if !holds(&environment, &root.join(REQUIREMENTS))? {
+/// True where the peers of registration are installed; else says what is left out.
+pub(crate) fn are_installed(root: &Path) -> Result<bool> {
+    let are = holds(&root.join(ENVIRONMENT), &root.join(REQUIREMENTS))?;
+    if !are {
         eprintln!(
             "SKIPPED: no Open3D in target/peers, so our clouds were not read by it: \
              cargo xtask peers --clouds"
         );
-        return Ok(());
     }
-    build_as_tested()?;
-    clouds(&root, &interpreter(&environment), &built(&root).join("debug/echoloop"))
+    Ok(are)
 }
 
 /// A measurement whose script is given our program and writes its page.

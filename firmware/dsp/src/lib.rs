@@ -99,3 +99,8 @@ pub use scan_pattern::spinning::{Spinning, SpinningModel};
 pub use scan_pattern::table::BeamTable;
 pub use settings::check::pulse_energy_pj;
 pub use settings::{Kind, PARAMETERS, Parameter, ParameterId, Settings};
+
+/// The README's example runs as written there.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -84,3 +84,8 @@ pub use message::{
     Place, Report, Room, SCHEMA, SETTINGS_SCHEMA, Times, settings_hash,
 };
 pub use session::{Answer, Session};
+
+/// The README's example runs as written there.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,6 +1,6 @@
 //! The table of figures, and what two of them differ in.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{Result, bail};
 
@@ -61,6 +61,14 @@ impl Table {
     /// The compiler that it was counted with.
     pub(super) fn compiler(&self) -> &str {
         self.measured_with.split(", ").next().unwrap_or_default()
+    }
+
+    /// Adds the other table's figures of all processors that this one has none of.
+    pub(super) fn complete(&mut self, other: &Self) {
+        let own: BTreeSet<String> =
+            self.figures.iter().map(|([processor, ..], _)| processor.clone()).collect();
+        let missing = other.figures.iter().filter(|([processor, ..], _)| !own.contains(processor));
+        self.figures.extend(missing.cloned());
     }
 
     pub(super) fn get(
@@ -127,6 +135,18 @@ mod tests {
         assert_eq!(compare(&before, &table(&[("filter", 1020), ("report", 2)])), (vec![], vec![]));
         let (grown, _) = compare(&before, &table(&[("filter", 1021), ("report", 0)]));
         assert_eq!(grown, ["filter of scalar on m4, 8x2: 1000 -> 1021 (+2.1 %)"]);
+    }
+
+    #[test]
+    fn a_processor_that_was_not_counted_stays_as_committed_and_a_figure_of_one_that_was_is_missed()
+    {
+        let mut committed = table(&[("filter", 1000), ("report", 0)]);
+        let other = ["rv32", "scalar", "8x2", "filter"].map(str::to_owned);
+        committed.figures.push((other, 7));
+        let mut counted = table(&[("filter", 1000)]);
+        counted.complete(&committed);
+        let (grown, _) = compare(&committed, &counted);
+        assert_eq!(grown, ["report of scalar on m4, 8x2: 0 -> not counted"]);
     }
 
     #[test]

@@ -40,7 +40,7 @@ fn installed(folder: &Path) -> PathBuf {
     folder.join("requirements.txt")
 }
 
-pub(super) fn interpreter(folder: &Path) -> PathBuf {
+fn interpreter(folder: &Path) -> PathBuf {
     folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" })
 }
 

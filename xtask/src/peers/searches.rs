@@ -52,22 +52,6 @@ pub(crate) fn run() -> Result<()> {
     Ok(())
 }
 
-/// The same, or says that it is left out: the registry of Python may be out of reach.
-pub(crate) fn run_where_they_can_be_had() -> Result<()> {
-    let root = workspace()?;
-    let requirements = root.join("host/app/searches/requirements.txt");
-    match environment(&root.join("target/peers/venv-searches"), &requirements) {
-        Ok(_) => run(),
-        Err(error) => {
-            eprintln!(
-                "SKIPPED: pycma, Optuna and Nevergrad could not be installed ({error:#}), so none \
-                 of them drove the loop: cargo xtask peers --searches"
-            );
-            Ok(())
-        }
-    }
-}
-
 /// What the loop says of the start.
 fn start(ours: &Path) -> Result<Output> {
     let mut command = Command::new(ours.join("echoloop"));

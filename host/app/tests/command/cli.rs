@@ -1019,7 +1019,7 @@ fn a_real_city_can_be_tuned_in() {
 #[test]
 fn a_damaged_journal_is_kept_until_repair_which_finishes_the_run() {
     let fixture = Fixture::new();
-    fixture.tune(&[]);
+    fixture.tuned(&[]);
     let folder = "runs/0001-yard-icp-joint";
     let [history, result] = ["history.jsonl", "result.json"].map(|name| format!("{folder}/{name}"));
     let (whole, finished) = (fixture.read(&history), fixture.read(&result));
@@ -1063,7 +1063,7 @@ fn a_damaged_journal_is_kept_until_repair_which_finishes_the_run() {
 #[test]
 fn the_table_of_a_run_has_the_numbers_of_its_result() {
     let fixture = Fixture::new();
-    let printed = fixture.tune(&["--generations", "1"]).stdout;
+    let printed = fixture.tuned(&["--generations", "1"]);
     let result = fixture.read("runs/0001-yard-icp-joint/result.json");
     let result: Value = serde_json::from_str(&result).expect("JSON");
     let mut numbers = 0;
@@ -1081,7 +1081,7 @@ fn the_table_of_a_run_has_the_numbers_of_its_result() {
 #[test]
 fn a_journal_without_checksums_is_refused_and_says_what_to_do() {
     let fixture = Fixture::new();
-    fixture.tune(&["--generations", "1"]);
+    fixture.tuned(&["--generations", "1"]);
     let folder = "runs/0001-yard-icp-joint";
     let history = format!("{folder}/history.jsonl");
     let unsealed = |line: &str| line.split(",\"check\"").next().map(|body| format!("{body}}}\n"));
@@ -1098,7 +1098,7 @@ fn a_journal_without_checksums_is_refused_and_says_what_to_do() {
 #[test]
 fn a_run_goes_on_only_with_the_scene_it_began_with() {
     let fixture = Fixture::new();
-    fixture.tune(&["--generations", "1"]);
+    fixture.tuned(&["--generations", "1"]);
     let folder = "runs/0001-yard-icp-joint";
     let (scene, result) = ("yard.obj", format!("{folder}/result.json"));
     let (yard, finished) = (fixture.read(scene), fixture.read(&result));
@@ -1114,7 +1114,7 @@ fn a_run_goes_on_only_with_the_scene_it_began_with() {
 #[cfg(unix)]
 fn what_is_in_the_way_is_named_before_anything_is_traced() {
     let fixture = Fixture::new();
-    fixture.tune(&["--generations", "1"]);
+    fixture.tuned(&["--generations", "1"]);
     let folder = "runs/0001-yard-icp-joint";
     // Without its scene a run is refused as soon as it would trace.
     fs::remove_file(fixture.path("yard.obj")).expect("removed");
@@ -1150,7 +1150,7 @@ fn only_a_run_s_own_folder_can_be_resumed() {
         fixture.refuses(&["tune", "--resume", folder], &[folder]);
         fixture.refuses(&["evaluate", "--run", folder], &[folder]);
     }
-    fixture.tune(&["--generations", "1"]);
+    fixture.tuned(&["--generations", "1"]);
     let folder = "runs/0001-yard-icp-joint";
     let config = format!("{folder}/config.toml");
     let edited = fixture.read(&config).replace("power = 75.0", "power = 74.0");

@@ -71,7 +71,7 @@ fn an_axis_that_makes_no_sense_is_refused_before_anything_is_made() {
 fn a_finished_run_is_extended_to_what_it_would_have_been() {
     for strategy in ["--strategy=paper", "--strategy=fast"] {
         let (whole, extended) = (Fixture::new(), Fixture::new());
-        extended.tune(&[strategy]);
+        extended.tuned(&[strategy]);
         let before = generations(&extended);
         extended.succeed(&["tune", "-q", "--resume", RUN, "--generations", "6"]);
         let after = generations(&extended);
@@ -249,7 +249,7 @@ fn what_is_fixed_or_bounded_stays_so_where_a_pulse_has_too_much_energy() {
 #[test]
 fn a_run_that_was_extended_and_interrupted_has_no_page_until_it_has_ended() {
     let fixture = Fixture::new();
-    fixture.tune(&["--strategy=paper"]);
+    fixture.tuned(&["--strategy=paper"]);
     let journal = fixture.read("runs/latest/history.jsonl");
     fixture.succeed(&["tune", "-q", "--resume", RUN, "--generations", "3"]);
     fixture.succeed(&["report", "-q", RUN, "-o", "whole.html"]);

@@ -31,11 +31,12 @@ fn stored_pairs_are_judged_as_traced_ones_and_bring_their_configuration() {
 fn a_run_on_stored_pairs_is_the_run_on_traced_ones() {
     let fixture = Fixture::new();
     stored(&fixture);
-    let run = |from: &[&str]| {
-        let result = fixture.succeed(&[&["tune", "-q", "--json"], from].concat()).json();
-        (result["tuned_summary"].clone(), result["default_summary"].clone())
-    };
-    assert_eq!(run(&["--stored", "kept.pairs"]), run(&["-c", "small.toml"]));
+    let from_stored = fixture.succeed(&["tune", "-q", "--json", "--stored", "kept.pairs"]).json();
+    let traced = Fixture::new();
+    traced.tuned(&[]);
+    let summaries =
+        |result: &Value| (result["tuned_summary"].clone(), result["default_summary"].clone());
+    assert_eq!(summaries(&from_stored), summaries(&traced.result()));
 }
 
 #[test]

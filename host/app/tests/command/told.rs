@@ -46,7 +46,7 @@ fn a_run_s_page_is_written_again_from_its_folder_alone_and_says_who_made_it() {
 #[test]
 fn whoever_goes_on_with_a_run_is_named_too() {
     let fixture = Fixture::new();
-    fixture.tune(&[]);
+    fixture.tuned(&[]);
     fixture.succeed(&["tune", "-q", "--resume", RUN]);
     let page = fixture.read(&format!("{RUN}/report.html"));
     for command in ["echoloop tune -c small.toml -q", &format!("echoloop tune -q --resume {RUN}")] {
@@ -62,7 +62,7 @@ fn whoever_goes_on_with_a_run_is_named_too() {
 #[test]
 fn every_chart_of_the_page_is_a_file_that_stands_alone() {
     let fixture = Fixture::new();
-    fixture.tune(&[]);
+    fixture.tuned(&[]);
     without_the_yard(&fixture);
     let said = fixture.succeed(&["report", RUN, "--figures", "charts/of run"]).stdout;
     let page = fixture.read(&format!("{RUN}/report.html"));
@@ -95,7 +95,7 @@ fn what_is_no_finished_run_is_refused_by_name() {
     let fixture = Fixture::new();
     fixture.refuses(&["report", "absent"], &["absent", "no result.json"]);
     fixture.refuses(&["report", "small.toml"], &["small.toml", "no result.json"]);
-    fixture.tune(&[]);
+    fixture.tuned(&[]);
     let result = format!("{RUN}/result.json");
     let whole = fixture.read(&result);
     for (damaged, said) in [
@@ -146,7 +146,7 @@ fn what_is_no_finished_run_is_refused_by_name() {
 /// Two runs on the same pairs, from starts that differ, as so short a search may keep them; and one
 /// with another seed.
 fn three_runs(fixture: &Fixture) {
-    fixture.tune(&["--generations", "1", "--population", "2"]);
+    fixture.tuned(&["--generations", "1", "--population", "2"]);
     fixture.tune(&["--generations", "2", "--population", "3", "--set", "lidar.power=60"]);
     fixture.tune(&["--generations", "1", "--population", "2", "--seed", "7"]);
 }
@@ -221,7 +221,7 @@ fn runs_stand_side_by_side_with_differences_where_their_pairs_are_the_same() {
 #[test]
 fn what_cannot_be_compared_is_refused_by_name() {
     let fixture = Fixture::new();
-    fixture.tune(&["--generations", "1", "--population", "2"]);
+    fixture.tuned(&["--generations", "1", "--population", "2"]);
     fixture.refuses(&["compare", RUN], &["two runs or more"]);
     fixture.refuses(&["compare", RUN, "absent"], &["absent", "no result.json"]);
     let other = "runs/other";
