@@ -65,7 +65,7 @@ const ALLOWED: [(&str, &str, &[&str]); 31] = [
             "echoloop-sim",
         ],
     ),
-    ("echoloop-statistics", "host/statistics", &[]),
+    ("echoloop-statistics", "host/statistics", &["echoloop-random"]),
     (
         "echoloop-instruments",
         "host/instruments",
@@ -111,6 +111,7 @@ const ALLOWED: [(&str, &str, &[&str]); 31] = [
             "echoloop-random",
             "echoloop-registration",
             "echoloop-report",
+            "echoloop-statistics",
         ],
     ),
     ("echoloop-app", "host/app", LIBRARIES),
@@ -133,7 +134,7 @@ const ALLOWED: [(&str, &str, &[&str]); 31] = [
         "examples/detector_firmware",
         &["echoloop-dsp", "echoloop-kernels"],
     ),
-    ("xtask", "xtask", &[]),
+    ("xtask", "xtask", &["echoloop-statistics"]),
 ];
 
 /// What an image is made of.

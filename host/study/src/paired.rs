@@ -7,10 +7,9 @@ use serde::Serialize;
 
 use super::cell::Cell;
 use super::record::Record;
-use echoloop_closed_loop::evaluation::compare::bootstrap;
-use echoloop_closed_loop::evaluation::gain::Estimate;
 use echoloop_closed_loop::evaluation::objective::PairError;
 use echoloop_closed_loop::evaluation::summary::succeeds;
+use echoloop_statistics::Estimate;
 
 /// No error counts for less in a ratio, m: a tenth of a millimetre.
 const LEAST_M: f64 = 1e-4;
@@ -67,10 +66,8 @@ fn beside(joint: &Record, other: &Record) -> Option<Paired> {
     let mean = |drawn: &[usize]| {
         libm::exp(drawn.iter().map(|&i| ratios[i]).sum::<f64>() / drawn.len() as f64)
     };
-    let translation_ratio = (!ratios.is_empty()).then(|| Estimate {
-        value: mean(&(0..ratios.len()).collect::<Vec<_>>()),
-        interval: bootstrap(ratios.len(), &mean),
-    });
+    let ratio = || Estimate::by_bootstrap(ratios.len(), &mean);
+    let translation_ratio = (!ratios.is_empty()).then(ratio);
     Some(Paired {
         cell: joint.cell,
         other: other.cell,

@@ -1,5 +1,6 @@
 //! Judging parameters on pairs: recall, errors, distributions.
 
+pub(crate) use echoloop_statistics::median;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -65,17 +66,6 @@ impl Summary {
             cost: None,
             errors,
         }
-    }
-}
-
-/// The median; NaN of nothing.
-pub fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_unstable_by(f64::total_cmp);
-    match sorted.len() {
-        0 => f64::NAN,
-        n if n % 2 == 1 => sorted[n / 2],
-        n => f64::midpoint(sorted[n / 2 - 1], sorted[n / 2]),
     }
 }
 

@@ -10,8 +10,9 @@ use super::missing::Missing;
 use super::search::Search;
 use echoloop_closed_loop::config::preset::Protocol;
 use echoloop_closed_loop::evaluation::objective::PairError;
-use echoloop_closed_loop::evaluation::summary::{median, succeeds};
+use echoloop_closed_loop::evaluation::summary::succeeds;
 use echoloop_report::{Panel, PanelDrawing, Plate, StripRow, Strips, fixed};
+use echoloop_statistics::median;
 
 /// The figure of a search; none where its method is not asked for.
 pub(super) fn plate(

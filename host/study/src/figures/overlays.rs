@@ -6,10 +6,10 @@ use super::super::record::Record;
 use super::cells::Cells;
 use super::missing::Missing;
 use super::search::Search;
-use echoloop_closed_loop::evaluation::summary::median;
 use echoloop_registration::cloud::Cloud;
 use echoloop_registration::pose::{Pose, rotation_error_deg, translation_error_m};
 use echoloop_report::{Overlay, Panel, PanelDrawing, Plate, fixed};
+use echoloop_statistics::median;
 
 /// Half of the side of what is seen, m.
 const HALF_M: f64 = 16.0;
