@@ -2,7 +2,7 @@
 
 use echoloop_random::Generator;
 
-use crate::{Estimate, mean, quantile};
+use crate::quantile;
 
 /// Resamples of a bootstrap.
 const RESAMPLES: u64 = 2_000;
@@ -32,13 +32,6 @@ pub fn mean_interval(values: &[f64]) -> [f64; 2] {
     let mean =
         |drawn: &[usize]| drawn.iter().map(|&i| values[i]).sum::<f64>() / values.len() as f64;
     bootstrap(values.len(), &mean)
-}
-
-/// Mean of `second − first`, pair by pair, with its interval: the difficulty that both share of a
-/// pair is taken out.
-pub fn paired_difference(first: &[f64], second: &[f64]) -> Estimate {
-    let differences: Vec<f64> = first.iter().zip(second).map(|(a, b)| b - a).collect();
-    Estimate { value: mean(&differences), interval: mean_interval(&differences) }
 }
 
 #[cfg(test)]

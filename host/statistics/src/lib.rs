@@ -23,26 +23,29 @@
 //! | function | gives | source |
 //! |---|---|---|
 //! | [`median`], [`quantile`], [`mean`] | a figure of values | |
-//! | [`standard_error`] | standard error of a mean | |
+//! | [`standard_error`], [`paired_standard_error`] | standard error of a mean | |
+//! | [`paired_t`] | mean difference in its standard errors | Student 1908 |
 //! | [`bootstrap`], [`mean_interval`], [`paired_difference`] | 95 % interval, by percentiles of 2000 resamples | Efron and Tibshirani 1993, Ch. 13 |
 //! | [`mean_of_groups`] | 95 % interval of a mean over runs, from resamples and Student's t | the same, Ch. 8 |
 //! | [`wilson`] | 95 % interval of a share | Wilson 1927 |
 //! | [`sign_test`] | p-value of wins against losses; of paired successes, McNemar's exact test | McNemar 1947 |
 //!
-//! Values and their intervals have the same unit, any; a share lies within 0 and 1. What does not
-//! exist, such as the mean of nothing, is NaN. Equal values give equal intervals, on every machine:
+//! Values and their intervals share a unit; a share lies within 0 and 1. The mean of nothing, and any
+//! other figure that does not exist, is NaN. Equal values give equal intervals, on every machine:
 //! the seeds of the resamples are fixed.
 
 mod bootstrap;
 mod groups;
 mod moments;
+mod paired;
 mod share;
 
 use serde::Serialize;
 
-pub use bootstrap::{bootstrap, mean_interval, paired_difference};
+pub use bootstrap::{bootstrap, mean_interval};
 pub use groups::mean_of_groups;
 pub use moments::{mean, median, quantile, standard_error};
+pub use paired::{paired_difference, paired_standard_error, paired_t};
 pub use share::{sign_test, wilson};
 
 /// A figure and its 95 % interval. NaN where there is none, as the mean of nothing.
