@@ -109,15 +109,8 @@ mod tests {
     use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 
     fn settings(ablation: Option<Ablation>) -> BTreeMap<String, String> {
-        let cell = Cell {
-            ablation,
-            by_hand: None,
-            ranges: Preset::Outdoor,
-            strategy: Some(Strategy::Fast),
-            protocol: Protocol::Joint,
-            method: TableMethod::Icp,
-            scene: Scene::Structured,
-        };
+        let cell = Cell::start(Preset::Outdoor, TableMethod::Icp, Scene::Structured);
+        let cell = Cell { ablation, ..cell.searched(Strategy::Fast, Protocol::Joint) };
         let config = cell.config(&Base::paper(Vec::new())).expect("a configuration");
         Plan::new(&config, false).settings
     }
