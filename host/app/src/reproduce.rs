@@ -133,16 +133,15 @@ impl ReproduceArgs {
 
     /// Refuses a switch that changes nothing.
     fn check_switches(&self) -> Result<(), Failure> {
-        let same = self.ablation.contains(&Ablation::RegistrationRanges)
-            && self.ranges.contains(&Preset::Paper);
-        match same {
-            true => Err(Failure::usage(format!(
+        let switch = self.ablation.iter().find(|switch| switch.sets("registration.preset"));
+        match switch.filter(|_| self.ranges.contains(&Preset::Paper)) {
+            Some(switch) => Err(Failure::usage(format!(
                 "--ablation {}: with --ranges {} nothing is switched; expected --ranges {}",
-                name_of(Ablation::RegistrationRanges),
+                name_of(*switch),
                 name_of(Preset::Paper),
                 name_of(Preset::Outdoor)
             ))),
-            false => Ok(()),
+            None => Ok(()),
         }
     }
 

@@ -265,7 +265,7 @@ mod tests {
             assert_eq!(cell.untuned().trained_in(&config), None, "it has no search");
             assert_eq!(cell.plain(), plain);
         }
-        let other = Cell { ablation: Some(Ablation::OtherKind), ..plain };
+        let other = Cell { ablation: Ablation::named("other-kind"), ..plain };
         assert_eq!(other.trained_in(&usual).unwrap().scene.source, "structured");
     }
 }

@@ -171,8 +171,7 @@ impl Table {
         rows.sort_by_key(|row| {
             let Cell { ablation, ranges, strategy, protocol, method, scene, .. } = row.cell;
             let search = (ranges as usize, strategy.map(|strategy| strategy as usize));
-            let place = ablation.map(|ablation| ablation as usize);
-            (place, method as usize, scene as usize, search, protocol as usize)
+            (ablation, method as usize, scene as usize, search, protocol as usize)
         });
         rows
     }

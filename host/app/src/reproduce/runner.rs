@@ -322,15 +322,15 @@ mod tests {
             Cell { protocol: Protocol::Lidar, ..cell },
             Cell { method: TableMethod::Mac, ..cell },
             Cell { method: TableMethod::FgrOpen3d, ..cell },
-            Cell { ablation: Some(Ablation::Rain), ..cell },
-            Cell { ablation: Some(Ablation::TenthEnergy), ..cell },
+            Cell { ablation: Ablation::named("rain"), ..cell },
+            Cell { ablation: Ablation::named("tenth-energy"), ..cell },
         ];
         assert!(same.iter().all(|other| key(*other) == key(cell)));
         let others = [
             Cell { scene: Scene::Unstructured, ..cell },
             Cell { method: TableMethod::Icp, ..cell },
-            Cell { ablation: Some(Ablation::Motion), ..cell },
-            Cell { ablation: Some(Ablation::QuarterDensity), ..cell },
+            Cell { ablation: Ablation::named("motion"), ..cell },
+            Cell { ablation: Ablation::named("quarter-density"), ..cell },
         ];
         assert!(others.iter().all(|other| key(*other) != key(cell)));
     }
