@@ -94,7 +94,7 @@ fn row(text: &mut String, name: &str, point: &Point, start: &Point) {
         times if times > 1.005 => format!("1/{:.0}", three_digits(times)),
         times => format!("{:.2}", 1.0 / times),
     };
-    let told = match point.less_start {
+    let verdict = match point.less_start {
         None => "–",
         Some([_, low, _]) if low > 0.0 => "higher",
         Some([_, _, high]) if high < 0.0 => "**lower**",
@@ -102,7 +102,7 @@ fn row(text: &mut String, name: &str, point: &Point, start: &Point) {
     };
     let _ = writeln!(
         text,
-        "| {name} | {} | {share} | {:.1} % | {} cm | {error} ({low} to {high}) | {told} |",
+        "| {name} | {} | {share} | {:.1} % | {} cm | {error} ({low} to {high}) | {verdict} |",
         energy(point.energy_mj),
         point.recall_pct,
         point.median_cm,
