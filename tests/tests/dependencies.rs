@@ -66,7 +66,7 @@ const ALLOWED: [(&str, &str, &[&str]); 33] = [
             "echoloop-sim",
         ],
     ),
-    ("echoloop-statistics", "host/statistics", &[]),
+    ("echoloop-statistics", "host/statistics", &["echoloop-random"]),
     (
         "echoloop-instruments",
         "host/instruments",
@@ -112,6 +112,7 @@ const ALLOWED: [(&str, &str, &[&str]); 33] = [
             "echoloop-random",
             "echoloop-registration",
             "echoloop-report",
+            "echoloop-statistics",
         ],
     ),
     ("echoloop-app", "host/app", LIBRARIES),
@@ -135,7 +136,7 @@ const ALLOWED: [(&str, &str, &[&str]); 33] = [
         &["echoloop-dsp", "echoloop-kernels"],
     ),
     ("echoloop-fuzz", "fuzz", &["echoloop-tests"]),
-    ("xtask", "xtask", &[]),
+    ("xtask", "xtask", &["echoloop-statistics"]),
 ];
 
 /// What an image is made of.

@@ -1,7 +1,7 @@
 //! Project commands: `cargo xtask test`.
 
 mod attack;
-mod bootstrap;
+mod campaign;
 mod cost;
 mod day;
 mod figures;

@@ -1,4 +1,4 @@
-//! Records that grow by a line for each run that is done, and the page written from them.
+//! Records with a line for each finished run, and the pages written from them.
 
 use std::fs::{self, OpenOptions};
 use std::io::{ErrorKind, Write};
@@ -36,7 +36,7 @@ pub(crate) fn append<T: Serialize>(path: &Path, line: &T) -> Result<()> {
     file.write_all(text.as_bytes()).and_then(|()| file.sync_data()).with_context(fail)
 }
 
-/// What our release build prints as JSON; its progress is shown.
+/// JSON that the release build of `echoloop` prints; its progress is shown.
 pub(crate) fn printed(command: &mut Command) -> Result<Value> {
     eprintln!("+ {command:?}");
     let output = command.stderr(Stdio::inherit()).output().context("cannot run echoloop")?;
@@ -44,12 +44,12 @@ pub(crate) fn printed(command: &mut Command) -> Result<Value> {
     serde_json::from_slice(&output.stdout).context("echoloop prints JSON")
 }
 
-/// Our command, as a record is made with.
+/// The release build of `echoloop`.
 pub(crate) fn echoloop() -> Result<Command> {
     Ok(Command::new(built(&workspace()?).join("release/echoloop")))
 }
 
-/// The day, and the commit that this is.
+/// Day and commit of this code.
 pub(crate) fn stamp() -> Result<String> {
     Ok(format!("{}, {}", today(), commit()?))
 }

@@ -7,10 +7,10 @@ use std::time::Duration;
 use echoloop_files::shown;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use echoloop_closed_loop::evaluation::summary::median;
 use echoloop_closed_loop::run_folder::journal::Generation;
 use echoloop_closed_loop::search::Observer;
 use echoloop_files::say;
+use echoloop_statistics::median;
 
 /// Shows how far the work is.
 pub(super) struct Progress {

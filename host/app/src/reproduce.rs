@@ -23,8 +23,8 @@ use echoloop_closed_loop::run_folder::files::Output;
 use echoloop_closed_loop::search::Observer;
 use echoloop_files::say;
 use echoloop_study::{
-    Ablation, Asked, Base, ByHand, Cell, Figures, Folder, FolderError, Plan, RealPair, RealRow,
-    Scene, Table, TableMethod, judge_real, name_of, page, read_real_pairs,
+    Ablation, Base, ByHand, Cell, Figures, Folder, FolderError, Plan, RealPair, RealRow, Scene,
+    Selection, Table, TableMethod, judge_real, name_of, page, read_real_pairs,
 };
 use runner::Runner;
 
@@ -46,15 +46,15 @@ pub(crate) struct ReproduceArgs {
     /// Only these ways to search.
     #[arg(long, value_delimiter = ',')]
     strategy: Vec<Strategy>,
-    /// Switch one thing, or one after the other, for a second table; unless told otherwise with
-    /// our search and ranges for outdoors.
+    /// Switch one thing, or one after the other, for a second table; by default with our search and
+    /// ranges for outdoors.
     #[arg(long, value_delimiter = ',')]
     ablation: Vec<Ablation>,
     /// Also three cases tuned by hand, as in the paper's Fig. 1, of ICP.
     #[arg(long, conflicts_with = "ablation")]
     by_hand: bool,
-    /// Few pairs, few generations, our search and ranges for outdoors: shows the table's shape in
-    /// some minutes, and proves nothing.
+    /// Few pairs, few generations, our search and ranges for outdoors: the table's shape in some
+    /// minutes, which proves nothing.
     #[arg(long)]
     quick: bool,
     /// Run nothing: print the table of what is done.
@@ -113,14 +113,14 @@ enum Format {
 }
 
 impl ReproduceArgs {
-    /// The cells asked for. A small table has one range and one search, and so have switches.
-    fn asked(&self) -> Asked {
+    /// Cells selected by the flags. The small table and switches have one range and one search.
+    fn selection(&self) -> Selection {
         let one = self.quick || !self.ablation.is_empty();
         let or = |given: bool| given && one;
         let (mut ranges, mut strategies) = (self.ranges.clone(), self.strategy.clone());
         ranges.extend(or(ranges.is_empty()).then_some(Preset::Outdoor));
         strategies.extend(or(strategies.is_empty()).then_some(Strategy::Fast));
-        Asked {
+        Selection {
             methods: self.method.clone(),
             scenes: self.scene.clone(),
             protocols: self.protocol.clone(),
@@ -131,22 +131,21 @@ impl ReproduceArgs {
         }
     }
 
-    /// A switch must switch something.
+    /// Refuses a switch that changes nothing.
     fn check_switches(&self) -> Result<(), Failure> {
-        let same = self.ablation.contains(&Ablation::RegistrationRanges)
-            && self.ranges.contains(&Preset::Paper);
-        match same {
-            true => Err(Failure::usage(format!(
+        let switch = self.ablation.iter().find(|switch| switch.sets("registration.preset"));
+        match switch.filter(|_| self.ranges.contains(&Preset::Paper)) {
+            Some(switch) => Err(Failure::usage(format!(
                 "--ablation {}: with --ranges {} nothing is switched; expected --ranges {}",
-                name_of(Ablation::RegistrationRanges),
+                name_of(*switch),
                 name_of(Preset::Paper),
                 name_of(Preset::Outdoor)
             ))),
-            false => Ok(()),
+            None => Ok(()),
         }
     }
 
-    /// Cases tuned by hand are of one method.
+    /// Refuses `--by-hand` without the method of its cases.
     fn check_by_hand(&self) -> Result<(), Failure> {
         let has_method = self.method.is_empty() || self.method.contains(&ByHand::METHOD);
         match self.by_hand && !has_method {
@@ -159,7 +158,7 @@ impl ReproduceArgs {
         }
     }
 
-    /// What all cells share.
+    /// Settings that all cells share.
     fn base(&self) -> Result<Base, Failure> {
         let quick = Base::quick().into_iter().filter(|_| self.quick);
         let seed = self.seed.map(|seed| i64::try_from(seed).unwrap_or(i64::MAX)); // no more is read
@@ -194,7 +193,7 @@ impl From<FolderError> for Failure {
 pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
     args.check_by_hand()?;
     args.check_switches()?;
-    let (base, cells) = (args.base()?, args.asked().cells());
+    let (base, cells) = (args.base()?, args.selection().cells());
     let plan = Plan::new(&base.config().map_err(Failure::usage)?, args.quick);
     let real = args.real.as_deref().map(|list| real_pairs(args, list)).transpose()?;
     let output = args.output.as_deref().filter(|path| !is_standard_output(path));
@@ -217,44 +216,44 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
         table.real = on_threads(args.common.threads, judged)??;
     }
     if ended.is_err() {
-        // Stopped: what there is, without the pictures of clouds that have to be scanned.
+        // Interrupted: the table so far, without figures, some of which take scans.
         folder.save_table(&table, &page(&table, Figures::default()).to_html())?;
         return ended;
     }
-    let told = Told::new(args, &folder, &table)?;
-    output.map(|output| output.write(told.html.as_bytes())).transpose()?;
+    let written = Written::new(args, &folder, &table)?;
+    output.map(|output| output.write(written.html.as_bytes())).transpose()?;
     match args.output.as_deref() {
-        Some(path) if is_standard_output(path) => print(&told.html)?,
-        _ => print_table(args, &table, &told.places)?,
+        Some(path) if is_standard_output(path) => print(&written.html)?,
+        _ => print_table(args, &table, &written.places)?,
     }
     outcome(&table)
 }
 
-/// What is told besides the table.
-struct Told {
-    /// The page; empty where nobody asked for one.
+/// Page and figures that were written besides the table.
+struct Written {
+    /// The page; empty where none is needed.
     html: String,
-    /// What was written, and where.
+    /// Lines that name the files written.
     places: String,
 }
 
-impl Told {
-    /// Draws what is asked for, and writes it.
+impl Written {
+    /// Draws the page and the figures, and writes them where the flags say.
     fn new(args: &ReproduceArgs, folder: &Folder, table: &Table) -> Result<Self, Failure> {
         if args.table && args.output.is_none() && args.figures.is_none() {
             return Ok(Self { html: String::new(), places: String::new() });
         }
-        // A switch has no figure in the paper.
+        // The paper has no figure of a switch.
         let drawn = || match args.ablation.is_empty() {
             true => drawn::drawn(folder, table),
             false => Figures::default(),
         };
         let drawn = on_threads(args.common.threads, drawn)?;
         if args.figures.is_some() && drawn.plates.is_empty() {
-            let what = drawn.left_out.join(" ");
+            let left_out = drawn.left_out.join(" ");
             let place = args.folder();
             return Err(Failure::usage(format!(
-                "{}: no cell of those asked for is done, so there is nothing to draw. {what}",
+                "{}: no cell of the selection is done, so there is nothing to draw. {left_out}",
                 place.display()
             )));
         }
@@ -294,7 +293,7 @@ fn run_cells(
     ended
 }
 
-/// The pairs of a list, before anything is run.
+/// Reads `--real`, before any cell is run.
 fn real_pairs(args: &ReproduceArgs, list: &Path) -> Result<Vec<RealPair>, Failure> {
     let own = list.parent().unwrap_or(Path::new(""));
     let folder = args.real_data.as_deref().unwrap_or(own);
@@ -315,7 +314,7 @@ fn on_real_clouds(
     rows.map_err(Failure::usage)
 }
 
-/// The cells, and of those with a switch the same without it, where they are done.
+/// The cells, and for those with a switch the same cells without it, where finished.
 fn with_plain(folder: &Folder, cells: &[Cell]) -> Vec<Cell> {
     let mut all = cells.to_vec();
     for plain in cells.iter().filter(|cell| cell.ablation.is_some()).map(Cell::plain) {
@@ -336,7 +335,8 @@ fn print_table(args: &ReproduceArgs, table: &Table, places: &str) -> Result<(), 
     }
 }
 
-/// A failure where cells failed: the others are done, and those without a record are tried again.
+/// Failure that counts the failed cells. The others are done; a next run tries those without a
+/// record again.
 fn outcome(table: &Table) -> Result<(), Failure> {
     let failed: Vec<String> = table.failed().map(|(cell, why)| format!("{cell}: {why}")).collect();
     match failed.as_slice() {

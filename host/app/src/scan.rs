@@ -239,7 +239,7 @@ fn nowhere(scene: &Scene, source: ViewpointError) -> Failure {
 fn told(args: &ScanArgs, scan: &Scan) -> Result<String, Failure> {
     let points = &scan.recorded.cloud.points;
     let ranges: Vec<f64> = points.iter().map(|p| f64::from(p.coords.norm())).collect();
-    let median_m = echoloop_closed_loop::evaluation::summary::median(ranges.iter().copied());
+    let median_m = echoloop_statistics::median(ranges.iter().copied());
     let farthest_m = ranges.iter().copied().fold(0.0, f64::max);
     let (settings, beams, points) = (format!("{:#010x}", scan.settings), scan.beams, ranges.len());
     if args.setup.common.json {

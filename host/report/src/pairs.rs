@@ -9,7 +9,7 @@ use super::data::{PairError, PoseError, Report};
 use super::format::{file_name, fixed, with_unit};
 use super::plot::{Caption, Chart, Drawn, Frame, Key, Px, Sample, chart, fine, legend};
 use super::theme::ink;
-use echoloop_statistics::coin;
+use echoloop_statistics::sign_test;
 
 const SLOPES: Px = [900.0, 300.0];
 const CURVE: Px = [440.0, 270.0];
@@ -66,7 +66,7 @@ fn gains(pairs: &[PairError], within: &PoseError) -> String {
         pairs.len(),
         count(true, true),
         count(false, false),
-        fixed(coin(won, lost), 3)
+        fixed(sign_test(won, lost), 3)
     )
 }
 

@@ -1,49 +1,72 @@
-//! What chance alone does: intervals and tests that report and experiment share.
+//! Intervals and tests for the results of experiments: numbers in, numbers out.
+//!
+//! Two settings were tried on the same eight pairs. Is the second better?
+//!
+//! ```
+//! use echoloop_statistics::{mean_interval, paired_difference, sign_test, wilson};
+//!
+//! let first_cm = [1.2, 3.4, 0.9, 2.2, 1.8, 2.9, 1.1, 4.0];
+//! let second_cm = [0.8, 2.9, 0.7, 1.6, 1.9, 2.1, 0.9, 2.8];
+//!
+//! let gain = paired_difference(&first_cm, &second_cm);
+//! assert!(gain.value < 0.0 && !gain.holds(0.0));      // shorter, and chance is out
+//!
+//! let [low, high] = mean_interval(&second_cm);        // of the mean 1.71 cm
+//! assert!(1.0 < low && low < 1.71 && 1.71 < high && high < 2.5);
+//!
+//! let [low, high] = wilson(7.0 / 8.0, 8.0);           // recall: 7 of 8 pairs found
+//! assert!(0.52 < low && high < 0.98);
+//!
+//! assert!(sign_test(1, 6) > 0.05);                    // 6 pairs gained, 1 lost: may be chance
+//! ```
+//!
+//! | function | gives | source |
+//! |---|---|---|
+//! | [`median`], [`quantile`], [`mean`] | a figure of values | |
+//! | [`standard_error`], [`paired_standard_error`] | standard error of a mean | |
+//! | [`paired_t`] | mean difference in its standard errors | Student 1908 |
+//! | [`bootstrap`], [`mean_interval`], [`paired_difference`] | 95 % interval, by percentiles of 2000 resamples | Efron and Tibshirani 1993, Ch. 13 |
+//! | [`mean_of_groups`] | 95 % interval of a mean over runs, from resamples and Student's t | the same, Ch. 8 |
+//! | [`wilson`] | 95 % interval of a share | Wilson 1927 |
+//! | [`sign_test`] | p-value of wins against losses; of paired successes, McNemar's exact test | McNemar 1947 |
+//!
+//! Values and their intervals share a unit; a share lies within 0 and 1. The mean of nothing, and any
+//! other figure that does not exist, is NaN. Equal values give equal intervals, on every machine:
+//! the seeds of the resamples are fixed.
 
-use std::f64::consts::LN_2;
+mod bootstrap;
+mod groups;
+mod moments;
+mod paired;
+mod share;
 
-/// Wilson's 95 % interval for a share `p` of `n`: it stays within 0 and 1 also for few pairs
-/// (J. Am. Stat. Assoc. 22, 1927). Of none, no numbers.
-pub fn wilson(p: f64, n: f64) -> [f64; 2] {
-    const Z: f64 = 1.959_964;
-    if n < 1.0 {
-        return [f64::NAN; 2];
-    }
-    let scale = 1.0 + Z * Z / n;
-    let centre = (p + Z * Z / (2.0 * n)) / scale;
-    let half = Z / scale * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
-    [(centre - half).max(0.0), (centre + half).min(1.0)]
+use serde::Serialize;
+
+pub use bootstrap::{bootstrap, mean_interval};
+pub use groups::mean_of_groups;
+pub use moments::{mean, median, quantile, standard_error};
+pub use paired::{paired_difference, paired_standard_error, paired_t};
+pub use share::{sign_test, wilson};
+
+/// A figure and its 95 % interval. NaN where there is none, as the mean of nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// The figure.
+    pub value: f64,
+    /// Lower and upper end.
+    pub interval: [f64; 2],
 }
 
-/// Probability that `a + b` throws of a fair coin fall at least as unevenly as `a` to `b`: of pairs
-/// that changed sides, McNemar's exact test.
-pub fn coin(a: usize, b: usize) -> f64 {
-    let factorial = |n: usize| libm::lgamma(n as f64 + 1.0);
-    let n = a + b;
-    let share = |k| factorial(n) - factorial(k) - factorial(n - k) - n as f64 * LN_2;
-    let sum: f64 = (0..=a.min(b)).map(|k| libm::exp(share(k))).sum();
-    (2.0 * sum).min(1.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn wilsons_interval_matches_the_textbook() {
-        let [low, high] = wilson(0.5, 10.0);
-        assert!((low - 0.2366).abs() < 1e-4 && (high - 0.7634).abs() < 1e-4);
-        assert_eq!(wilson(0.0, 20.0)[0], 0.0);
-        assert_eq!(wilson(1.0, 20.0)[1], 1.0);
-        assert!(wilson(0.0, 0.0)[0].is_nan());
+impl Estimate {
+    /// A figure of `count` things with its [`bootstrap`] interval.
+    pub fn by_bootstrap(count: usize, figure: &dyn Fn(&[usize]) -> f64) -> Self {
+        let value = figure(&(0..count).collect::<Vec<_>>());
+        Self { value, interval: bootstrap(count, figure) }
     }
 
-    #[test]
-    fn the_coin_is_fair() {
-        for (a, b, p) in
-            [(0, 0, 1.0), (3, 3, 1.0), (5, 0, 2.0 / 32.0), (1, 7, 18.0 / 256.0), (999, 999, 1.0)]
-        {
-            assert!((coin(a, b) - p).abs() < 1e-9, "{a} to {b}");
-        }
+    /// True when the interval holds a value: a difference whose interval holds 0 may be chance.
+    pub fn holds(&self, value: f64) -> bool {
+        let [low, high] = self.interval;
+        (low..=high).contains(&value)
     }
 }

@@ -1,106 +1,135 @@
-//! One thing switched: the rows of the second table.
+//! Ablations: one thing switched in each, the rows of the second table. `switches.toml` lists them.
+
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
 
 use clap::ValueEnum;
+use clap::builder::PossibleValue;
 use serde::{Deserialize, Serialize};
 
 use super::axes::{Scene, name_of};
 use echoloop_closed_loop::config::{Override, RunConfig};
 
-/// What is switched in a cell, and nothing else.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Ablation {
-    /// The sensor is searched as in the paper: its eight parameters, no power below 5 W.
-    SensorRanges,
-    /// Registration starts and is searched within the paper's ranges, made for indoors.
-    RegistrationRanges,
-    /// Rain of 25 mm an hour.
-    Rain,
-    /// The sensor drives 10 m/s and turns 20°/s during scans of 0.1 s.
-    Motion,
-    /// Both.
-    RainAndMotion,
-    /// Tuned in as many other towns of the same kind.
-    OtherTown,
-    /// Tuned in the next kind of country: town, suburb, wild, town.
-    OtherKind,
-    /// A quarter of the beams.
-    QuarterDensity,
-    /// Four times the beams.
-    FourfoldDensity,
-    /// An OS1-64's beams.
-    #[value(name = "os1-64")]
-    #[serde(rename = "os1-64")]
-    Os164,
-    /// A tenth of the energy: 7.5 W at the start, no pulse above 37.5 nJ.
-    TenthEnergy,
-    /// Maximum likelihood in floating point finds the echoes, not the sensor's program.
-    IdealDetector,
+/// The one thing that is switched in a cell: an entry of the list, by its index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct Ablation(usize);
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct List {
+    switch: Vec<Switch>,
 }
 
-/// The towns' numbers grow by a multiple of this where others are trained in.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Switch {
+    name: String,
+    help: String,
+    #[serde(default)]
+    set: BTreeMap<String, toml::Value>,
+    #[serde(default = "unchanged")]
+    beams_times: f64,
+    trained_in: Option<TrainedIn>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum TrainedIn {
+    OtherTown,
+    OtherKind,
+}
+
+fn unchanged() -> f64 {
+    1.0
+}
+
+/// The list; a test reads it, so it is never empty.
+static LIST: LazyLock<Vec<Switch>> = LazyLock::new(|| {
+    let list: Result<List, _> = toml::from_str(include_str!("switches.toml"));
+    list.map(|list| list.switch).unwrap_or_default()
+});
+
+static ALL: LazyLock<Vec<Ablation>> = LazyLock::new(|| (0..LIST.len()).map(Ablation).collect());
+
+/// Training in other towns adds a multiple of this to the towns' numbers.
 const OTHER_TOWN: u64 = 100;
 
 impl Ablation {
-    /// What it sets, over a configuration without it.
-    pub fn overrides(self, base: &RunConfig) -> Vec<Override> {
-        let set = |key: &str, value: toml::Value| Override::flag(key, value);
-        let number = |key: &str, value: f64| set(key, value.into());
-        match self {
-            Self::SensorRanges => vec![set("tune.lidar", "paper".into())],
-            Self::RegistrationRanges => vec![set("registration.preset", "paper".into())],
-            Self::Rain => {
-                vec![set("weather.kind", "rain".into()), number("weather.rate_mm_h", 25.0)]
-            }
-            Self::Motion => vec![
-                number("motion.duration_s", 0.1),
-                set("motion.linear_m_s", vec![10.0, 0.0, 0.0].into()),
-                set("motion.angular_deg_s", vec![0.0, 0.0, 20.0].into()),
-            ],
-            Self::RainAndMotion => {
-                [Self::Rain, Self::Motion].iter().flat_map(|each| each.overrides(base)).collect()
-            }
-            Self::OtherTown | Self::OtherKind => Vec::new(),
-            Self::QuarterDensity => beams(base, |beams| beams.div_ceil(2)),
-            Self::FourfoldDensity => beams(base, |beams| beams.saturating_mul(2)),
-            Self::Os164 => vec![set("scanner.pattern", "os1-64".into())],
-            Self::TenthEnergy => {
-                vec![number("lidar.power", 7.5), number("emitter.energy_limit_nj", 37.5)]
-            }
-            Self::IdealDetector => vec![set("detector.kind", "ideal".into())],
-        }
+    /// The ablation of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        LIST.iter().position(|switch| switch.name == name).map(Self)
     }
 
-    /// Where it is trained, when that is not where it is tested: a configuration whose training
-    /// pairs are taken. Its held-out pairs are as few as leave it its towns.
+    fn switch(self) -> &'static Switch {
+        &LIST[self.0]
+    }
+
+    /// True when it sets a key of the configuration.
+    pub fn sets(self, key: &str) -> bool {
+        self.switch().set.contains_key(key)
+    }
+
+    /// Settings of the switch; `base` is the configuration without it.
+    pub fn overrides(self, base: &RunConfig) -> Vec<Override> {
+        let Switch { set, beams_times, .. } = self.switch();
+        let set = set.iter().map(|(key, value)| Override::flag(key, value.clone()));
+        let (columns, rows) = (base.scanner.columns, base.scanner.rows);
+        let along = [("scanner.columns", columns), ("scanner.rows", rows)].into_iter();
+        let beams = along.filter(|_| *beams_times != 1.0).filter_map(|(key, beams)| {
+            let beams = (f64::from(beams?) * beams_times).ceil() as u16;
+            Some(Override::flag(key, i64::from(beams)))
+        });
+        set.chain(beams).collect()
+    }
+
+    /// Configuration whose training pairs are taken, where the switch trains elsewhere. It has the
+    /// fewest held-out pairs that its towns allow, as none is used.
     pub(super) fn trained_in(self, config: &RunConfig, scene: Scene) -> Option<RunConfig> {
         let mut other = config.clone();
-        match self {
-            Self::OtherTown => {
-                // Beyond the greatest, so that none is judged in.
+        match self.switch().trained_in? {
+            TrainedIn::OtherTown => {
+                // Beyond the greatest number, so that no town is one of the held-out pairs.
                 let greatest = config.scene.towns.iter().max().copied().unwrap_or_default();
                 let further = OTHER_TOWN * (greatest / OTHER_TOWN + 1);
                 let towns = other.scene.towns.iter_mut();
                 towns.for_each(|town| *town = town.saturating_add(further));
             }
-            Self::OtherKind => other.scene.source = name_of(scene.next()),
-            _ => return None,
+            TrainedIn::OtherKind => other.scene.source = name_of(scene.next()),
         }
         other.data.test_pairs = other.scene.towns.len();
         Some(other)
     }
 }
 
-/// As many beams along each axis of a grid as `of` makes of those there are.
-fn beams(base: &RunConfig, of: fn(u16) -> u16) -> Vec<Override> {
-    let along = [("scanner.columns", base.scanner.columns), ("scanner.rows", base.scanner.rows)];
-    let changed = along.into_iter().filter_map(|(key, beams)| Some((key, of(beams?))));
-    changed.map(|(key, beams)| Override::flag(key, i64::from(beams))).collect()
+impl ValueEnum for Ablation {
+    fn value_variants<'a>() -> &'a [Self] {
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        let Switch { name, help, .. } = self.switch();
+        Some(PossibleValue::new(name.as_str()).help(help.as_str()))
+    }
+}
+
+impl TryFrom<String> for Ablation {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        Self::named(&name).ok_or_else(|| format!("no switch is named {name:?}"))
+    }
+}
+
+impl From<Ablation> for String {
+    fn from(ablation: Ablation) -> Self {
+        ablation.switch().name.clone()
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::collections::{BTreeMap, BTreeSet};
+    use std::collections::BTreeSet;
 
     use super::super::axes::TableMethod;
     use super::super::cell::{Base, Cell};
@@ -109,15 +138,8 @@ mod tests {
     use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 
     fn settings(ablation: Option<Ablation>) -> BTreeMap<String, String> {
-        let cell = Cell {
-            ablation,
-            by_hand: None,
-            ranges: Preset::Outdoor,
-            strategy: Some(Strategy::Fast),
-            protocol: Protocol::Joint,
-            method: TableMethod::Icp,
-            scene: Scene::Structured,
-        };
+        let cell = Cell::start(Preset::Outdoor, TableMethod::Icp, Scene::Structured);
+        let cell = Cell { ablation, ..cell.searched(Strategy::Fast, Protocol::Joint) };
         let config = cell.config(&Base::paper(Vec::new())).expect("a configuration");
         Plan::new(&config, false).settings
     }
@@ -129,7 +151,8 @@ mod tests {
         {
             let mut config = RunConfig::default();
             config.scene.towns = towns;
-            let other = Ablation::OtherTown.trained_in(&config, Scene::Structured).unwrap();
+            let other_town = Ablation::named("other-town").unwrap();
+            let other = other_town.trained_in(&config, Scene::Structured).unwrap();
             assert_eq!(other.scene.towns, expected);
             assert_eq!(other.scene.source, config.scene.source);
         }
@@ -137,43 +160,50 @@ mod tests {
 
     #[test]
     fn a_switch_changes_what_it_is_named_for_and_nothing_else() {
-        let plain = settings(None);
-        for &ablation in Ablation::value_variants() {
-            let expected: &[&str] = match ablation {
-                Ablation::SensorRanges => &["tune.lidar"],
-                Ablation::RegistrationRanges => &["registration.preset"],
-                Ablation::Rain => &["weather.kind", "weather.rate_mm_h"],
-                Ablation::Motion => {
-                    &["motion.angular_deg_s", "motion.duration_s", "motion.linear_m_s"]
-                }
-                Ablation::RainAndMotion => &[
-                    "motion.angular_deg_s",
-                    "motion.duration_s",
-                    "motion.linear_m_s",
-                    "weather.kind",
-                    "weather.rate_mm_h",
-                ],
-                Ablation::OtherTown | Ablation::OtherKind => &[],
-                Ablation::QuarterDensity | Ablation::FourfoldDensity => {
-                    &["scanner.columns", "scanner.rows"]
-                }
-                // A pattern brings its own beams.
-                Ablation::Os164 => &[
+        let motion = ["motion.angular_deg_s", "motion.duration_s", "motion.linear_m_s"];
+        let rain = ["weather.kind", "weather.rate_mm_h"];
+        let expected: [(&str, &[&str]); 12] = [
+            ("sensor-ranges", &["tune.lidar"]),
+            ("registration-ranges", &["registration.preset"]),
+            ("rain", &rain),
+            ("motion", &motion),
+            ("rain-and-motion", &[&motion[..], &rain[..]].concat()),
+            ("other-town", &[]),
+            ("other-kind", &[]),
+            ("quarter-density", &["scanner.columns", "scanner.rows"]),
+            ("fourfold-density", &["scanner.columns", "scanner.rows"]),
+            // A pattern brings its own beams.
+            (
+                "os1-64",
+                &[
                     "scanner.azimuth_deg",
                     "scanner.columns",
                     "scanner.elevation_deg",
                     "scanner.pattern",
                     "scanner.rows",
                 ],
-                Ablation::TenthEnergy => &["emitter.energy_limit_nj", "lidar.power"],
-                Ablation::IdealDetector => &["detector.kind"],
-            };
+            ),
+            ("tenth-energy", &["emitter.energy_limit_nj", "lidar.power"]),
+            ("ideal-detector", &["detector.kind"]),
+        ];
+        assert_eq!(ALL.len(), expected.len());
+        let plain = settings(None);
+        for (&ablation, (name, expected)) in ALL.iter().zip(expected) {
+            assert_eq!(Ablation::named(name), Some(ablation));
             let switched = settings(Some(ablation));
             let keys: BTreeSet<&str> =
                 plain.keys().chain(switched.keys()).map(String::as_str).collect();
             let is_changed = |key: &&str| plain.get(*key) != switched.get(*key);
             let changed: Vec<&str> = keys.into_iter().filter(is_changed).collect();
-            assert_eq!(changed, expected, "{ablation:?}");
+            assert_eq!(changed, expected, "{name}");
         }
+    }
+
+    #[test]
+    fn a_record_has_a_switch_by_its_name() {
+        let rain = Ablation::named("rain");
+        assert_eq!(serde_json::to_string(&rain).unwrap(), "\"rain\"");
+        assert_eq!(serde_json::from_str::<Option<Ablation>>("\"rain\"").unwrap(), rain);
+        assert!(serde_json::from_str::<Ablation>("\"snow\"").is_err());
     }
 }

@@ -1,11 +1,11 @@
-//! The rows and columns of the table.
+//! Axes of the table: methods and kinds of country.
 
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use echoloop_closed_loop::config::{FgrMode, Method, Override};
 
-/// A method of the table. FGR has two rows: what Open3D runs is not what was published.
+/// A method of the table. FGR has two rows, as Open3D does not run it as published.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TableMethod {
@@ -22,7 +22,7 @@ pub enum TableMethod {
 }
 
 impl TableMethod {
-    /// What the table calls it.
+    /// Name in the table.
     pub fn title(self) -> &'static str {
         match self {
             Self::Icp => "ICP",
@@ -32,7 +32,7 @@ impl TableMethod {
         }
     }
 
-    /// The method, and FGR's mode, which is not looked at of others.
+    /// The method and FGR's mode, which other methods ignore.
     pub(super) fn method(self) -> (Method, FgrMode) {
         match self {
             Self::Icp => (Method::Icp, FgrMode::default()),
@@ -42,7 +42,7 @@ impl TableMethod {
         }
     }
 
-    /// What a run of it sets.
+    /// Settings of a run of the method.
     pub(super) fn overrides(self) -> Vec<Override> {
         let (method, mode) = match self {
             Self::Icp => ("icp", None),
@@ -69,7 +69,7 @@ pub enum Scene {
 }
 
 impl Scene {
-    /// The one after it, and after the last the first.
+    /// The next kind; after the last the first.
     pub fn next(self) -> Self {
         match self {
             Self::Structured => Self::SemiStructured,
@@ -79,7 +79,7 @@ impl Scene {
     }
 }
 
-/// A choice's name on the command line, which is also its name in files.
+/// Name of a choice on the command line and in files.
 pub fn name_of(value: impl ValueEnum) -> String {
     value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
 }

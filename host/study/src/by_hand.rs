@@ -1,10 +1,10 @@
 //! Settings tuned by hand: the three cases of the paper's Fig. 1.
 //!
-//! The paper says in words what is high, low, small and large in each (Sec. 1), and no value. These
-//! are the values that we took, before any was judged. High power is the most that the pulse's
-//! energy limit leaves, low power the least of the paper's range; small and large lie near the ends
-//! of registration's ranges. What a case does not name stays at the default. A threshold on σ
-//! stands beside the noise floor in our detector, so that whoever wants a dense cloud lowers both.
+//! The paper names what is high, low, small and large in each case (Sec. 1), and gives no value.
+//! These are our values, fixed before any was evaluated. High power is the most that the pulse's
+//! energy limit allows, low power the least of the paper's range; small and large lie near the ends
+//! of registration's ranges. Everything else stays at the default. Our detector has a threshold on
+//! σ beside the noise floor, so a dense cloud needs both to be low.
 //!
 //! | case | power | gain | floor | σ | normals, outdoor | pairs | normals, paper | pairs |
 //! |---|---|---|---|---|---|---|---|---|
@@ -19,7 +19,7 @@ use super::axes::TableMethod;
 use echoloop_closed_loop::config::Override;
 use echoloop_closed_loop::config::preset::Preset;
 
-/// A case of Fig. 1. All are of [`Self::METHOD`].
+/// A case of Fig. 1, of the method [`Self::METHOD`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ByHand {
@@ -32,7 +32,7 @@ pub enum ByHand {
     Careful,
 }
 
-/// What a case sets.
+/// Settings of a case.
 struct Case {
     number: usize,
     lidar: &'static [(&'static str, f64)],
@@ -72,7 +72,7 @@ const CAREFUL: Case = Case {
 };
 
 impl ByHand {
-    /// Whose settings they are.
+    /// Method of all cases.
     pub const METHOD: TableMethod = TableMethod::Icp;
 
     /// In the paper's order.
@@ -86,12 +86,12 @@ impl ByHand {
         }
     }
 
-    /// The paper's number of the case.
+    /// Number of the case in the paper.
     pub fn number(self) -> usize {
         self.case().number
     }
 
-    /// What it sets, over the defaults.
+    /// Settings of the case, over the defaults.
     pub fn overrides(self, ranges: Preset) -> Vec<Override> {
         let case = self.case();
         let lengths = [
@@ -104,8 +104,8 @@ impl ByHand {
         lidar.chain(lengths).chain([count]).collect()
     }
 
-    /// The same in words.
-    pub fn told(self, ranges: Preset) -> String {
+    /// Settings of the case in words.
+    pub fn in_words(self, ranges: Preset) -> String {
         let case = self.case();
         let [radius, distance] =
             [case.normal_radius_m, case.max_pair_distance_m].map(|of| of[ranges as usize]);

@@ -1,4 +1,4 @@
-//! The cells of the table, and what each is a run of.
+//! Cells of the table, and the configuration of each.
 
 use std::fmt;
 
@@ -10,35 +10,35 @@ use super::by_hand::ByHand;
 use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 use echoloop_closed_loop::config::{LoadError, Override, RunConfig, load};
 
-/// One figure of the table: what was tuned, of which method, where, and how.
+/// A cell of the table: method, scene, what is tuned, and how.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cell {
-    /// What is switched; nothing in the first table.
+    /// The one thing switched; none in the paper's table.
     pub ablation: Option<Ablation>,
-    /// By which hand it is set, where nothing is searched.
+    /// Case of settings tuned by hand; none elsewhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by_hand: Option<ByHand>,
     /// Ranges and defaults of registration.
     pub ranges: Preset,
-    /// How it is searched; none where nothing is tuned.
+    /// Search strategy; none where nothing is tuned.
     pub strategy: Option<Strategy>,
-    /// What is tuned.
+    /// Protocol: what is tuned.
     pub protocol: Protocol,
     /// The method.
     pub method: TableMethod,
-    /// Where.
+    /// Kind of country.
     pub scene: Scene,
 }
 
-/// What all cells have in common.
+/// Settings that all cells have in common.
 #[derive(Clone, Debug, Default)]
 pub struct Base {
-    /// What is laid over the defaults.
+    /// Changes of the default configuration.
     pub overrides: Vec<Override>,
 }
 
-/// Keys that the cells themselves set, and the flag that restricts each.
+/// Keys that the cells themselves set, and the flag that selects values of each.
 pub(super) const AXES: [(&str, &str); 6] = [
     ("scene.source", "--scene"),
     ("registration.method", "--method"),
@@ -49,20 +49,20 @@ pub(super) const AXES: [(&str, &str); 6] = [
 ];
 
 impl Base {
-    /// Judged as in the paper's Sec. 4.1, for the lowest error; later changes win. How many pairs
-    /// are tuned on is the strategy's, of the paper's ten.
+    /// Evaluation as in the paper's Sec. 4.1, search for the lowest error; later changes win. The
+    /// strategy sets the number of training pairs, ten in the paper's.
     pub fn paper(changes: Vec<Override>) -> Self {
         let pairs = Override::flag("data.test_pairs", 100_i64);
         let objective = Override::flag("tune.objective", "error");
         Self { overrides: [pairs, objective].into_iter().chain(changes).collect() }
     }
 
-    /// As [`Self::paper`] without changes, or for the small table.
+    /// [`Self::paper`] without changes, or with those of [`Self::quick`].
     pub fn usual(quick: bool) -> Self {
         Self::paper(if quick { Self::quick() } else { Vec::new() })
     }
 
-    /// What makes the small table small.
+    /// Changes for the small table.
     pub fn quick() -> Vec<Override> {
         [("data.train_pairs", 6_i64), ("data.test_pairs", 20), ("tune.generations", 2)]
             .map(|(key, count)| Override::flag(key, count))
@@ -78,7 +78,7 @@ impl Base {
         load(None, &self.overrides)
     }
 
-    /// A key that it sets though cells do, and the flag for it.
+    /// A key set here that cells set themselves, and the flag to use instead.
     pub fn sets_an_axis(&self) -> Option<(&'static str, &'static str)> {
         AXES.into_iter().find(|(key, _)| self.overrides.iter().any(|set| set.path() == *key))
     }
@@ -110,17 +110,28 @@ impl Cell {
         load(None, &overrides)
     }
 
-    /// The cell of the same start where nothing is tuned.
+    /// The cell of a method in a scene where nothing is tuned.
+    pub fn start(ranges: Preset, method: TableMethod, scene: Scene) -> Self {
+        let (ablation, by_hand, strategy, protocol) = (None, None, None, Protocol::Default);
+        Self { ablation, by_hand, ranges, strategy, protocol, method, scene }
+    }
+
+    /// The same cell, tuned by a search.
+    pub fn searched(self, strategy: Strategy, protocol: Protocol) -> Self {
+        Self { strategy: Some(strategy), protocol, ..self }
+    }
+
+    /// The cell with the same start where nothing is tuned.
     pub fn untuned(&self) -> Self {
         Self { strategy: None, protocol: Protocol::Default, by_hand: None, ..*self }
     }
 
-    /// Whether something is searched.
+    /// True when something is searched.
     pub fn is_searched(&self) -> bool {
         self.protocol != Protocol::Default
     }
 
-    /// The cells that joint tuning is held to: nothing tuned, and each half alone.
+    /// The cells that joint tuning is compared with: nothing tuned, and each half alone.
     pub fn others(&self) -> [Self; 3] {
         let [lidar, registration] = self.halves();
         [self.untuned(), lidar, registration]
@@ -131,18 +142,18 @@ impl Cell {
         [Protocol::Lidar, Protocol::Registration].map(|protocol| Self { protocol, ..*self })
     }
 
-    /// Whether sensor and registration are tuned together.
+    /// True when sensor and registration are tuned together.
     pub fn is_joint(&self) -> bool {
         self.protocol == Protocol::Joint
     }
 
-    /// Whether it is one of the paper's table: nothing switched, nothing set by hand.
+    /// True for a cell of the paper's table: nothing switched, nothing set by hand.
     pub fn is_of_the_table(&self) -> bool {
         self.ablation.is_none() && self.by_hand.is_none()
     }
 
-    /// Where its search is trained, when that is not where it is judged: a configuration whose
-    /// training pairs are taken. `config` is the cell's own.
+    /// Configuration whose training pairs the search takes, where they are not of the scene that is
+    /// evaluated. `config` is the cell's own.
     pub fn trained_in(&self, config: &RunConfig) -> Option<RunConfig> {
         let switch = self.ablation.filter(|_| self.is_searched())?;
         switch.trained_in(config, self.scene)
@@ -153,13 +164,13 @@ impl Cell {
         Self { ablation: None, ..*self }
     }
 
-    /// What was tuned: the protocol's name, or the hand's.
+    /// Name of what was tuned: the protocol, or the case tuned by hand.
     pub fn tuned_name(&self) -> String {
         self.by_hand
             .map_or_else(|| name_of(self.protocol), |hand| format!("hand-{}", name_of(hand)))
     }
 
-    /// What files of the cell are called: `outdoor-fast-joint-icp-structured`.
+    /// Name of the cell's files: `outdoor-fast-joint-icp-structured`.
     pub fn file_name(&self) -> String {
         let parts = [
             self.ablation.map(name_of),
@@ -189,7 +200,7 @@ impl fmt::Display for Cell {
     }
 }
 
-/// What was tuned, as a row's name.
+/// Wording of what was tuned.
 pub fn tuned(cell: &Cell) -> &'static str {
     match cell.protocol {
         Protocol::Default => "default",
@@ -199,7 +210,7 @@ pub fn tuned(cell: &Cell) -> &'static str {
     }
 }
 
-/// What was tuned, and by which search where that is not ours.
+/// Wording of what was tuned, with the search where it is the paper's.
 pub fn tuned_by(cell: &Cell) -> String {
     match (cell.by_hand, cell.strategy) {
         (Some(_), _) => "by hand".into(),
@@ -218,15 +229,8 @@ mod tests {
     #[test]
     fn a_cell_is_a_run_of_its_method_s_pairs_and_bounds() {
         let base = Base::default();
-        let cell = Cell {
-            ablation: None,
-            by_hand: None,
-            ranges: Preset::Paper,
-            strategy: Some(Strategy::Paper),
-            protocol: Protocol::Lidar,
-            method: TableMethod::FgrOpen3d,
-            scene: Scene::SemiStructured,
-        };
+        let cell = Cell::start(Preset::Paper, TableMethod::FgrOpen3d, Scene::SemiStructured)
+            .searched(Strategy::Paper, Protocol::Lidar);
         let config = cell.config(&base).unwrap();
         assert_eq!(config.registration.method, Method::Fgr);
         assert_eq!(config.registration.mode, FgrMode::Open3d);
@@ -250,15 +254,8 @@ mod tests {
     #[test]
     fn every_ablation_gives_a_configuration_and_changes_it_or_where_it_is_trained() {
         let base = Base::default();
-        let plain = Cell {
-            ablation: None,
-            by_hand: None,
-            ranges: Preset::Outdoor,
-            strategy: Some(Strategy::Fast),
-            protocol: Protocol::Joint,
-            method: TableMethod::Icp,
-            scene: Scene::Unstructured,
-        };
+        let plain = Cell::start(Preset::Outdoor, TableMethod::Icp, Scene::Unstructured)
+            .searched(Strategy::Fast, Protocol::Joint);
         let usual = plain.config(&base).unwrap();
         for &ablation in Ablation::value_variants() {
             let cell = Cell { ablation: Some(ablation), ..plain };
@@ -268,7 +265,7 @@ mod tests {
             assert_eq!(cell.untuned().trained_in(&config), None, "it has no search");
             assert_eq!(cell.plain(), plain);
         }
-        let other = Cell { ablation: Some(Ablation::OtherKind), ..plain };
+        let other = Cell { ablation: Ablation::named("other-kind"), ..plain };
         assert_eq!(other.trained_in(&usual).unwrap().scene.source, "structured");
     }
 }

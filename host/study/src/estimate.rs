@@ -1,4 +1,4 @@
-//! How long the rest will take, from how long like cells took.
+//! Estimate of the time left, from the durations of similar cells.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -8,43 +8,43 @@ use serde::{Deserialize, Serialize};
 use super::cell::Cell;
 use echoloop_closed_loop::config::preset::Protocol;
 
-/// How long cells took, by their files' names.
+/// Durations of cells, by their files' names.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Times(BTreeMap<String, Took>);
 
-/// How long a cell took, as far as it was watched: a search that went on counts from there.
+/// Duration of a cell; of a resumed search, from where it was resumed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Took {
-    /// Which cell.
+    /// The cell.
     pub cell: Cell,
-    /// Seconds of the clock.
+    /// Wall-clock seconds.
     pub seconds: f64,
     /// Registrations made in that time.
     pub registrations: usize,
 }
 
 impl Times {
-    /// Adds what a cell took.
+    /// Adds the duration of a cell.
     pub fn add(&mut self, took: Took) {
         self.0.insert(took.cell.file_name(), took);
     }
 
-    /// Seconds of all cells together.
+    /// Sum over all cells, s.
     pub fn seconds(&self) -> f64 {
         self.0.values().map(|took| took.seconds).sum()
     }
 
-    /// How long cells will take that have so many registrations each: as long a registration as of
-    /// the cells most like it. None as long as nothing like one of them was measured.
+    /// Time that cells with these numbers of registrations will take, at the time a registration of
+    /// the most similar cells measured. None while a cell has no similar one.
     pub fn of(&self, cells: &[(Cell, usize)]) -> Option<Duration> {
         let each = cells.iter().map(|(cell, count)| Some(self.rate(cell)? * *count as f64));
         let seconds = each.sum::<Option<f64>>()?;
         Duration::try_from_secs_f64(seconds).ok()
     }
 
-    /// Seconds a registration.
+    /// Seconds a registration, of the most similar cells.
     fn rate(&self, cell: &Cell) -> Option<f64> {
         let plain = |other: &Cell| other.plain() == cell.plain();
         let search = |other: &Cell| {
@@ -56,17 +56,17 @@ impl Times {
                 == (cell.method, cell.ranges, Protocol::Default)
         };
         let same = |other: &Cell| (other.method, other.ranges) == (cell.method, cell.ranges);
-        let alike: [&dyn Fn(&Cell) -> bool; 6] =
+        let by_similarity: [&dyn Fn(&Cell) -> bool; 6] =
             [&|other| other == cell, &plain, &search, &start, &same, &|other| {
                 other.method == cell.method
             }];
-        alike.iter().find_map(|is_like| self.mean(is_like))
+        by_similarity.iter().find_map(|is_similar| self.mean(is_similar))
     }
 
-    fn mean(&self, is_like: &dyn Fn(&Cell) -> bool) -> Option<f64> {
-        let like = || self.0.values().filter(|took| is_like(&took.cell));
-        let registrations: usize = like().map(|took| took.registrations).sum();
-        let seconds: f64 = like().map(|took| took.seconds).sum();
+    fn mean(&self, is_similar: &dyn Fn(&Cell) -> bool) -> Option<f64> {
+        let similar = || self.0.values().filter(|took| is_similar(&took.cell));
+        let registrations: usize = similar().map(|took| took.registrations).sum();
+        let seconds: f64 = similar().map(|took| took.seconds).sum();
         (registrations > 0).then(|| seconds / registrations as f64)
     }
 }
@@ -79,20 +79,8 @@ mod tests {
 
     #[test]
     fn a_search_is_estimated_by_its_like_and_before_that_by_its_start() {
-        let start = |scene| Cell {
-            ablation: None,
-            by_hand: None,
-            ranges: Preset::Outdoor,
-            strategy: None,
-            protocol: Protocol::Default,
-            method: TableMethod::Mac,
-            scene,
-        };
-        let joint = |scene| Cell {
-            strategy: Some(Strategy::Fast),
-            protocol: Protocol::Joint,
-            ..start(scene)
-        };
+        let start = |scene| Cell::start(Preset::Outdoor, TableMethod::Mac, scene);
+        let joint = |scene| start(scene).searched(Strategy::Fast, Protocol::Joint);
         let mut times = Times::default();
         let left = [(joint(Scene::Structured), 100), (joint(Scene::Unstructured), 200)];
         assert_eq!(times.of(&left), None);

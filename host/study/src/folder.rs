@@ -1,13 +1,13 @@
-//! The folder of a table: its plan, a record a cell, a run folder a search.
+//! Folder of a table: its plan, a record for each cell, a run folder for each search.
 //!
 //! ```text
-//! plan.json           what all cells share: seed, version, settings
-//! cells/NAME.json     a cell that is done: written whole, or not there
-//! cells/NAME.failed   why a cell failed; it is tried again
+//! plan.json           shared by all cells: seed, version, settings
+//! cells/NAME.json     record of a finished cell: written whole, or absent
+//! cells/NAME.failed   reason of a failed cell, which is tried again
 //! runs/NAME/          the run of a search, with its journal
-//! times.json          how long each cell took
+//! times.json          duration of each cell
 //! table.json          the table
-//! report.html         the same to look at
+//! report.html         the table and its figures as a page
 //! ```
 
 use std::fs;
@@ -34,16 +34,16 @@ const PAGE: &str = "report.html";
 /// Held by the process that writes the folder.
 const LOCK: &str = "run.lock";
 
-/// Bytes of a record at most: ten thousand pairs.
+/// Most bytes of a record: ten thousand pairs.
 const MOST_RECORD: u64 = 16 << 20;
 
-/// Why a folder cannot be gone on with.
+/// Reason why a folder cannot be used.
 #[derive(Debug, Error)]
 pub enum FolderError {
-    /// A file of it cannot be read or written.
+    /// A file of the folder cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// It holds something else.
+    /// The folder holds something else.
     #[error(
         "{}: there are files and no {PLAN}, so no table is kept there; expected a folder of \
          `echoloop reproduce`, an empty one or none",
@@ -66,9 +66,9 @@ pub enum FolderError {
         path: PathBuf,
         /// In what it differs.
         name: &'static str,
-        /// What it is in the record.
+        /// Value in the record.
         was: String,
-        /// What it is in the plan, or by the file's name.
+        /// Value expected from the plan or the file's name.
         is: String,
     },
     /// Its cells are of another plan.
@@ -82,24 +82,24 @@ pub enum FolderError {
         path: PathBuf,
         /// In what they differ.
         name: String,
-        /// What it is there.
+        /// Value in the folder's plan.
         was: String,
-        /// What was asked for.
+        /// Value wanted now.
         is: String,
     },
 }
 
-/// A folder that no other process writes as long as this lives, unless it is only looked at.
+/// Folder of a table. Locked against other processes, unless opened by [`Folder::look`].
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
-    /// What its cells share.
+    /// Settings that its cells share.
     pub plan: Plan,
     _lock: Option<Lock>,
 }
 
 impl Folder {
-    /// Opens a folder of this plan, or makes it.
+    /// Opens a folder of this plan, or creates it.
     ///
     /// # Errors
     ///
@@ -109,7 +109,7 @@ impl Folder {
             make_folders(path)?;
         }
         let lock = Lock::take(&path.join(LOCK))?;
-        // Only now does nobody else write one.
+        // Read again: before the lock another process may have written its plan.
         let found = Self::plan_of(path)?;
         let is_new = found.is_none();
         found.map(|found| check_plan(path, &found, &plan)).transpose()?;
@@ -121,7 +121,7 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Opens a folder to look at what is done there, whoever made it and whoever is at it.
+    /// Opens a folder to read, of any plan and without a lock.
     ///
     /// # Errors
     ///
@@ -134,7 +134,7 @@ impl Folder {
         Ok(Self { path: path.to_owned(), plan, _lock: None })
     }
 
-    /// The plan of a folder; none where there is no folder, or nothing in it.
+    /// Plan of a folder; none of a missing or empty folder.
     fn plan_of(path: &Path) -> Result<Option<Plan>, FolderError> {
         if let Some(plan) = read(&path.join(PLAN))? {
             return Ok(Some(plan));
@@ -143,7 +143,7 @@ impl Folder {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             entries => entries.map_err(file_error("read the folder", path))?,
         };
-        // A process that died before it wrote its plan leaves these.
+        // Left by a process that died before it wrote its plan.
         let ours = [LOCK, CELLS, "plan.json.part"];
         let is_foreign = |name: &std::ffi::OsString| !ours.iter().any(|own| name == own);
         let mut names = entries.filter_map(|entry| Some(entry.ok()?.file_name()));
@@ -153,7 +153,7 @@ impl Folder {
         }
     }
 
-    /// What is kept of a cell that is done.
+    /// Record of a cell; none where it is not finished.
     ///
     /// # Errors
     ///
@@ -163,7 +163,7 @@ impl Folder {
         let path = self.cell_file(cell, "json");
         let record = read::<Record>(&path).map_err(FolderError::BrokenRecord)?;
         let Some(record) = record else { return Ok(None) };
-        match self.plan.other_in(&record, cell) {
+        match self.plan.mismatch(&record, cell) {
             None => Ok(Some(record)),
             Some((name, was, is)) => {
                 let [was, is] = [was, is].map(|text| shown(&text));
@@ -172,7 +172,7 @@ impl Folder {
         }
     }
 
-    /// Why a cell failed when it was tried last.
+    /// Reason why the last run of a cell failed.
     ///
     /// # Errors
     ///
@@ -181,7 +181,7 @@ impl Folder {
         Ok(read(&self.cell_file(cell, "failed"))?)
     }
 
-    /// Keeps a cell that is done: it is there whole, or not at all.
+    /// Writes the record of a finished cell, whole or not at all.
     ///
     /// # Errors
     ///
@@ -191,7 +191,7 @@ impl Folder {
         self.forget_failure(&record.cell)
     }
 
-    /// Keeps why a cell failed.
+    /// Writes the reason why a cell failed.
     ///
     /// # Errors
     ///
@@ -210,12 +210,12 @@ impl Folder {
         }
     }
 
-    /// Where the run of a cell's search is.
+    /// Run folder of a cell's search.
     pub fn run_of(&self, cell: &Cell) -> PathBuf {
         self.path.join(RUNS).join(cell.file_name())
     }
 
-    /// How long cells took.
+    /// Durations of the cells.
     ///
     /// # Errors
     ///
@@ -224,7 +224,7 @@ impl Folder {
         Ok(read(&self.path.join(TIMES))?.unwrap_or_default())
     }
 
-    /// Keeps how long cells took.
+    /// Writes the durations of the cells.
     ///
     /// # Errors
     ///
@@ -233,7 +233,7 @@ impl Folder {
         self.write(&self.path.join(TIMES), times)
     }
 
-    /// Writes the table and its page; gives the page's place.
+    /// Writes the table and its page; returns the page's path.
     ///
     /// # Errors
     ///
@@ -256,8 +256,8 @@ impl Folder {
     }
 }
 
-fn check_plan(path: &Path, found: &Plan, asked: &Plan) -> Result<(), FolderError> {
-    match found.difference(asked) {
+fn check_plan(path: &Path, found: &Plan, wanted: &Plan) -> Result<(), FolderError> {
+    match found.difference(wanted) {
         None => Ok(()),
         Some((name, was, is)) => {
             let [name, was, is] = [name, was, is].map(|text| shown(&text));
@@ -266,14 +266,14 @@ fn check_plan(path: &Path, found: &Plan, asked: &Plan) -> Result<(), FolderError
     }
 }
 
-/// A JSON document; none where there is no file.
+/// Reads a JSON file; none where there is no file.
 fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, FileError> {
     let text = match read_text(path, MOST_RECORD.max(MOST_TEXT)) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         text => text.map_err(file_error("read", path))?,
     };
-    let told = |error: serde_json::Error| io::Error::other(shown(&error.to_string()));
-    serde_json::from_str(&text).map(Some).map_err(told).map_err(file_error("read", path))
+    let problem = |error: serde_json::Error| io::Error::other(shown(&error.to_string()));
+    serde_json::from_str(&text).map(Some).map_err(problem).map_err(file_error("read", path))
 }
 
 #[cfg(test)]

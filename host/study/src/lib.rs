@@ -1,13 +1,13 @@
-//! The paper's Table 1: its cells, the folder that keeps them, the table and its page.
+//! Campaigns of searches: the paper's Table 1 and its figures.
 //!
-//! 1. [`Asked::cells`] says which cells there are; [`Cell::config`] what a cell is a run of.
-//! 2. [`Folder`] keeps a [`Record`] for each cell that is done, and says where its search goes on.
+//! 1. [`Selection::cells`] lists cells; [`Cell::config`] is the configuration of a cell's run.
+//! 2. [`Folder`] keeps a [`Record`] of each finished cell, and the run folder of its search.
 //! 3. [`Table::new`] puts records beside the paper's numbers, with intervals and verdicts.
-//! 4. [`figures()`] draws the paper's figures from the same records, and from the runs of searches.
-//! 5. [`page`] is both to look at.
-//! 6. [`judge_real`] takes what was tuned to clouds that nobody simulated.
+//! 4. [`Table::sheets`] groups the rows; text, page and LaTeX are written from the sheets.
+//! 5. [`figures()`] draws the paper's figures from the same records and from the searches' runs.
+//! 6. [`judge_real`] evaluates the tuned settings on real clouds.
 //!
-//! Nothing here scans: the command line runs the cells.
+//! Nothing here scans: `echoloop reproduce` runs the cells.
 
 mod ablation;
 mod axes;
@@ -23,6 +23,7 @@ mod plan;
 mod real;
 mod record;
 mod selection;
+mod sheet;
 mod table;
 mod wording;
 
@@ -40,6 +41,7 @@ pub use plan::Plan;
 pub use plan::configuration;
 pub use real::{RealError, RealPair, RealRow, judge_real, read_real_pairs, real_lines};
 pub use record::{Record, TrainedIn};
-pub use selection::Asked;
+pub use selection::Selection;
+pub use sheet::{Part, Sheet};
 pub use table::{Made, Row, Table, Verdict};
 pub use wording::{FIGURES, Figure, absent, remarks, search, subtitle};

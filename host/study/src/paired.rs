@@ -1,21 +1,20 @@
-//! Two protocols on the same held-out pairs.
+//! Comparison of two protocols on the same held-out pairs.
 //!
-//! Means over successes are of other pairs where recall differs, and who finds more finds harder
-//! ones. So errors are compared on the pairs that both find, and what only one finds is counted.
+//! Means over successes are over other pairs where recall differs: a higher recall has more hard
+//! pairs. So errors are compared on the pairs that both find, and pairs that one finds are counted.
 
 use serde::Serialize;
 
 use super::cell::Cell;
 use super::record::Record;
-use echoloop_closed_loop::evaluation::compare::bootstrap;
-use echoloop_closed_loop::evaluation::gain::Estimate;
 use echoloop_closed_loop::evaluation::objective::PairError;
 use echoloop_closed_loop::evaluation::summary::succeeds;
+use echoloop_statistics::Estimate;
 
-/// No error counts for less in a ratio, m: a tenth of a millimetre.
+/// Errors below a tenth of a millimetre count as this in a ratio, m.
 const LEAST_M: f64 = 1e-4;
 
-/// Joint tuning beside another protocol of the same method, kind, range and strategy.
+/// Joint tuning compared with another protocol of the same method, scene, range and strategy.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Paired {
     /// The cell of joint tuning.
@@ -28,12 +27,12 @@ pub struct Paired {
     pub gained: usize,
     /// Pairs that the other alone finds.
     pub lost: usize,
-    /// e_t of joint tuning over the other's on the pairs that both find: the geometric mean, with
-    /// its 95 % interval by bootstrap over pairs. Below 1 is better.
+    /// Ratio of e_t of joint tuning to the other's on the pairs that both find: geometric mean with
+    /// its 95 % interval by bootstrap over pairs. Below 1 joint tuning is better.
     pub translation_ratio: Option<Estimate>,
 }
 
-/// Every cell of joint tuning beside each other protocol that is done on the same pairs.
+/// Each cell of joint tuning compared with every other protocol on the same pairs.
 pub(super) fn paired(records: &[&Record]) -> Vec<Paired> {
     let joint = records.iter().filter(|record| record.cell.is_joint());
     joint
@@ -45,8 +44,8 @@ pub(super) fn paired(records: &[&Record]) -> Vec<Paired> {
         .collect()
 }
 
-/// A folder's cells of a kind and a method are judged on the same pairs; none where they are not as
-/// many, as in a folder that somebody else filled.
+/// Cells of a scene and a method share their held-out pairs; `None` where the counts differ, as in
+/// a folder filled by hand.
 fn beside(joint: &Record, other: &Record) -> Option<Paired> {
     let (own, theirs) = (&joint.summary.errors, &other.summary.errors);
     if own.len() != theirs.len() {
@@ -67,10 +66,8 @@ fn beside(joint: &Record, other: &Record) -> Option<Paired> {
     let mean = |drawn: &[usize]| {
         libm::exp(drawn.iter().map(|&i| ratios[i]).sum::<f64>() / drawn.len() as f64)
     };
-    let translation_ratio = (!ratios.is_empty()).then(|| Estimate {
-        value: mean(&(0..ratios.len()).collect::<Vec<_>>()),
-        interval: bootstrap(ratios.len(), &mean),
-    });
+    let ratio = || Estimate::by_bootstrap(ratios.len(), &mean);
+    let translation_ratio = (!ratios.is_empty()).then(ratio);
     Some(Paired {
         cell: joint.cell,
         other: other.cell,
@@ -106,13 +103,9 @@ mod tests {
         Record {
             format: Record::FORMAT,
             cell: Cell {
-                ablation: None,
-                by_hand: None,
-                ranges: Preset::Outdoor,
                 strategy: (protocol != Protocol::Default).then_some(Strategy::Fast),
                 protocol,
-                method: TableMethod::Icp,
-                scene: Scene::Structured,
+                ..Cell::start(Preset::Outdoor, TableMethod::Icp, Scene::Structured)
             },
             seed: 1,
             version: String::new(),

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::axes::{Scene, TableMethod};
 use echoloop_closed_loop::config::preset::Protocol;
 
-/// A cell of it.
+/// The paper's figures of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PaperFigures {
     /// Mean e_t over the successes, cm.
@@ -18,8 +18,8 @@ pub struct PaperFigures {
 
 type Kinds = [[f64; 3]; 3];
 
-/// Translation, cm, rotation, degrees, and recall, percent: structured, semi-structured,
-/// unstructured; nothing, the sensor, registration, both tuned.
+/// Translation (cm), rotation (degrees) and recall (percent) in structured, semi-structured and
+/// unstructured scenes. Rows: nothing, the sensor, registration, both tuned.
 const ICP: [Kinds; 4] = [
     [[3.0, 0.2, 100.0], [4.0, 0.3, 100.0], [4.0, 0.4, 100.0]],
     [[3.0, 0.2, 100.0], [4.0, 0.3, 100.0], [4.0, 0.4, 100.0]],
@@ -39,7 +39,7 @@ const MAC: [Kinds; 4] = [
     [[56.0, 2.63, 52.6], [51.0, 2.46, 68.6], [41.0, 2.63, 81.8]],
 ];
 
-/// What the paper has there. Both our FGR rows stand beside its one.
+/// The paper's figures of a cell. Both our FGR rows have those of its one.
 pub fn paper(protocol: Protocol, method: TableMethod, scene: Scene) -> PaperFigures {
     let of_method = match method {
         TableMethod::Icp => ICP,

@@ -1,4 +1,4 @@
-//! What a folder of cells is of: cells of two plans do not stand in one table.
+//! Plan of a folder: the settings that all its cells share.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::dataset::fingerprint::build;
 use echoloop_report::finished_runs::flatten;
 
-/// What all cells of a folder share.
+/// Settings that all cells of a folder share. Cells of two plans never stand in one table.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
@@ -19,15 +19,15 @@ pub struct Plan {
     pub format: u32,
     /// Version of the program.
     pub version: String,
-    /// Checksum of the program's file, where it can be read.
+    /// Checksum of the program's file; none where it cannot be read.
     pub build: Option<String>,
     /// The seed.
     pub seed: u64,
-    /// Whether the table is the small one, which proves nothing.
+    /// True for the small table of `--quick`, which proves nothing.
     pub quick: bool,
     /// Checksum of the settings.
     pub configuration: String,
-    /// Every setting that the cells share, by its key.
+    /// The shared settings by key.
     pub settings: BTreeMap<String, String>,
 }
 
@@ -35,7 +35,7 @@ impl Plan {
     /// Version of the format that is written.
     pub const FORMAT: u32 = 1;
 
-    /// Of what a configuration says of all cells.
+    /// Plan of the configuration that all cells vary.
     pub fn new(config: &RunConfig, quick: bool) -> Self {
         let settings = settings(config);
         Self {
@@ -49,9 +49,9 @@ impl Plan {
         }
     }
 
-    /// In what a record differs first from that of a cell of this plan: the name, what it is in the
-    /// record and what it should be.
-    pub(super) fn other_in(
+    /// First difference of a record from one of this plan's cell: name, value in the record, value
+    /// expected.
+    pub(super) fn mismatch(
         &self,
         record: &Record,
         cell: &Cell,
@@ -66,7 +66,7 @@ impl Plan {
         facts.into_iter().find(|(_, was, is)| was != is)
     }
 
-    /// In what another plan differs first: the name, what it is there and here.
+    /// First difference from another plan: name, value here, value in the other.
     pub fn difference(&self, other: &Self) -> Option<(String, String, String)> {
         let facts = |plan: &Self| {
             [
@@ -82,9 +82,9 @@ impl Plan {
         found.map(|((name, was), (_, is))| (name.to_owned(), was, is)).or_else(|| {
             let keys = self.settings.keys().chain(other.settings.keys());
             let at = |plan: &Self, key: &String| plan.settings.get(key).cloned();
-            let mut told = keys.map(|key| (key.clone(), at(self, key), at(other, key)));
+            let mut values = keys.map(|key| (key.clone(), at(self, key), at(other, key)));
             let none = || "not set".to_owned();
-            let (key, was, is) = told.find(|(_, was, is)| was != is)?;
+            let (key, was, is) = values.find(|(_, was, is)| was != is)?;
             Some((key, was.unwrap_or_else(none), is.unwrap_or_else(none)))
         })
     }
@@ -94,7 +94,7 @@ fn text(value: &Option<String>) -> String {
     value.clone().unwrap_or_else(|| "unknown".into())
 }
 
-/// The checksum of a configuration, every value.
+/// Checksum of every value of a configuration.
 pub fn configuration(config: &RunConfig) -> String {
     Checksum::of(&[toml::to_string(config).unwrap_or_default().as_bytes()]).to_string()
 }
@@ -117,11 +117,11 @@ mod tests {
         assert_eq!(plan.difference(&Plan::new(&config, false)), None);
         let mut other = config.clone();
         other.data.test_pairs = 7;
-        let told = |a: &str, b: &str, c: &str| Some((a.into(), b.into(), c.into()));
-        assert_eq!(plan.difference(&Plan::new(&other, false)), told("data.test_pairs", "40", "7"));
+        let named = |a: &str, b: &str, c: &str| Some((a.into(), b.into(), c.into()));
+        assert_eq!(plan.difference(&Plan::new(&other, false)), named("data.test_pairs", "40", "7"));
         other.seed = 9;
-        assert_eq!(plan.difference(&Plan::new(&other, false)), told("seed", "1", "9"));
-        assert_eq!(plan.difference(&Plan::new(&config, true)), told("--quick", "false", "true"));
+        assert_eq!(plan.difference(&Plan::new(&other, false)), named("seed", "1", "9"));
+        assert_eq!(plan.difference(&Plan::new(&config, true)), named("--quick", "false", "true"));
         let older = Plan { version: "0.0.1".into(), ..plan.clone() };
         assert_eq!(older.difference(&plan).unwrap().0, "version");
     }

@@ -1,5 +1,5 @@
-//! Real clouds: registration settings that were tuned in simulation, on pairs that no simulator
-//! made, beside the defaults and beside settings chosen from the clouds themselves.
+//! Real clouds: settings of registration that were tuned in simulation, evaluated on recorded pairs
+//! beside the defaults and beside settings chosen from the clouds themselves.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -23,18 +23,18 @@ use echoloop_closed_loop::config::{DataConfig, LoadError};
 use echoloop_closed_loop::parameters::{Parameters, ThetaReg, ValueError};
 use echoloop_closed_loop::run_folder::files::{FileError, file_error};
 
-/// Why real clouds cannot be judged on.
+/// Reason why real clouds cannot be evaluated.
 #[derive(Debug, Error)]
 pub enum RealError {
     /// The list or a file that it names cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The list is none.
+    /// The file is not a list of pairs.
     #[error("{}: {problem}", path.display())]
     List {
         /// The list.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         problem: String,
     },
     /// A cloud cannot be read.
@@ -46,17 +46,17 @@ pub enum RealError {
     /// A cell cannot be configured.
     #[error(transparent)]
     Load(#[from] LoadError),
-    /// A cell's parameters are not of its configuration.
+    /// A cell's parameters do not fit its configuration.
     #[error("{cell}: {error}")]
     Parameters {
         /// The cell.
         cell: String,
-        /// What is wrong.
+        /// The problem.
         error: ValueError,
     },
 }
 
-/// A pair as a list names it.
+/// A pair of the list.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
@@ -77,7 +77,7 @@ struct List {
 /// Two clouds and the motion between them.
 #[derive(Clone, Debug)]
 pub struct RealPair {
-    /// What the list calls it.
+    /// Name in the list.
     pub name: String,
     /// Checksum of both clouds' points and of the motion.
     content: String,
@@ -140,35 +140,35 @@ fn content(clouds: [&Cloud; 2], motion: &Pose) -> String {
         .flatten()
         .collect();
     let motion: Vec<u8> = to_rows(motion).into_iter().flat_map(f64::to_le_bytes).collect();
-    let count = clouds[0].points.len() as u64; // where one cloud ends
+    let count = clouds[0].points.len() as u64; // so that moving a point between clouds shows
     Checksum::of(&[&count.to_le_bytes(), &points, &motion]).to_string()
 }
 
-/// Where settings come from.
+/// Origin of settings.
 #[derive(Clone, Debug, PartialEq)]
 enum Origin {
-    /// The preset's.
+    /// Defaults of a preset.
     Default(Preset),
-    /// Chosen from the two clouds, without truth.
+    /// Chosen from the two clouds, without the true motion.
     Clouds,
     /// A cell's search.
     Tuned(Cell),
 }
 
-/// A method with settings from somewhere.
+/// A method and its settings.
 #[derive(Clone, Debug)]
 struct Entrant {
     method: TableMethod,
     origin: Origin,
-    /// None: chosen from each pair's clouds.
+    /// `None`: chosen from each pair's clouds.
     settings: Option<ThetaReg>,
     data: DataConfig,
 }
 
-/// How one pair came out.
+/// Result of one pair.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RealOutcome {
-    /// The pair.
+    /// Name of the pair.
     pub name: String,
     /// Checksum of its clouds' points and of its true motion.
     pub content: String,
@@ -176,24 +176,24 @@ pub struct RealOutcome {
     pub translation_m: f64,
     /// e_R of Eq. 7, degrees.
     pub rotation_deg: f64,
-    /// Whether it is within the cells' limits.
+    /// True when both errors are within the cells' limits.
     pub found: bool,
-    /// Why the registration ended.
+    /// Reason why the registration stopped.
     pub stop: String,
 }
 
-/// A method and settings on all pairs.
+/// Results of a method and its settings on all pairs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RealRow {
     /// The method.
     pub method: TableMethod,
-    /// Where its settings come from, to read.
+    /// Origin of the settings, in words.
     pub settings: String,
-    /// The preset whose defaults they are, if they are.
+    /// Preset, when the settings are its defaults.
     pub default: Option<Preset>,
-    /// The cell that tuned them, if one did.
+    /// Cell that tuned the settings, if one did.
     pub cell: Option<Cell>,
-    /// Each pair.
+    /// Result of each pair.
     pub pairs: Vec<RealOutcome>,
     /// Pairs found.
     pub found: usize,
@@ -203,8 +203,9 @@ pub struct RealRow {
     pub mean_rotation_deg: Option<f64>,
 }
 
-/// Judges defaults, what is chosen from the clouds, and what every done cell of registration or of
-/// both together chose. `done` hears of each registration, of so many.
+/// Evaluates the defaults, the settings chosen from the clouds, and those tuned by every finished
+/// cell of registration or of both. `begun` gets the number of registrations, `done` is called
+/// after each.
 ///
 /// # Errors
 ///
@@ -233,7 +234,7 @@ pub fn judge_real(
     Ok(entrants.iter().zip(each).map(|(entrant, judged)| entrant.row(judged)).collect())
 }
 
-/// Each once, in the table's order: of a method first what no search gave.
+/// Settings to evaluate, each once, by method: first those without a search.
 fn entrants(base: &Base, folder: &Folder, cells: &[Cell]) -> Result<Vec<Entrant>, RealError> {
     let mut entrants: Vec<Entrant> = Vec::new();
     let mut methods: Vec<TableMethod> = Vec::new();
@@ -280,7 +281,7 @@ fn untuned(base: &Base, cell: &Cell) -> Result<Entrant, RealError> {
     })
 }
 
-/// What a cell's search chose; none where it is not done, or its record is of no use.
+/// Settings that a cell's search chose; none where it is unfinished or its record cannot be used.
 fn of_cell(base: &Base, folder: &Folder, cell: &Cell) -> Result<Option<Entrant>, RealError> {
     let Some(record) = folder.record(cell).ok().flatten() else { return Ok(None) };
     let config = cell.config(base)?;
@@ -297,7 +298,7 @@ fn of_cell(base: &Base, folder: &Folder, cell: &Cell) -> Result<Option<Entrant>,
 }
 
 impl Entrant {
-    /// From the identity, as cells are judged.
+    /// Registers a pair from the identity, as for the cells.
     fn judge(&self, pair: &RealPair) -> RealOutcome {
         let (target, source) = (&pair.target, &pair.source);
         let built: Option<Box<dyn Registration>> = match &self.settings {
@@ -360,7 +361,7 @@ impl Entrant {
     }
 }
 
-/// A table to read: each pair's error, where it was found.
+/// Lines of a table to read, with each pair's error where it was found.
 pub fn real_lines(rows: &[RealRow]) -> Vec<Vec<String>> {
     let names = rows.first().into_iter().flat_map(|row| row.pairs.iter().map(|p| p.name.clone()));
     let head = ["method", "settings", "found", "RTE", "RRE"].map(str::to_owned);

@@ -1,4 +1,4 @@
-//! What is kept of a cell that is done. No times: equal cells have equal records.
+//! Record of a finished cell. It has no times, so that equal cells have equal records.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,29 +8,28 @@ use echoloop_closed_loop::dataset::fingerprint::Content;
 use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::parameters::{Values, written_values};
 
-/// A cell that is done.
+/// Record of a finished cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Record {
     /// Version of this format.
     pub format: u32,
-    /// Which cell.
+    /// The cell.
     pub cell: Cell,
     /// The seed.
     pub seed: u64,
     /// Version of the program.
     pub version: String,
-    /// Checksum of the program's file, where it can be read.
+    /// Checksum of the program's file; none where it cannot be read.
     pub build: Option<String>,
     /// Checksum of the cell's configuration.
     pub configuration: String,
-    /// Where it was tuned, where that is not where it is judged.
+    /// Scene and towns of the training pairs, where the held-out pairs are of others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trained_in: Option<TrainedIn>,
     /// Checksums of the scene, the front end and every scan.
     pub content: Content,
-    /// Where the parameters come from: an [`Origin`](echoloop_closed_loop::search::Origin),
-    /// written.
+    /// Origin of the parameters: an [`Origin`](echoloop_closed_loop::search::Origin), written.
     pub origin: String,
     /// Generations searched.
     pub generations: usize,
@@ -39,13 +38,13 @@ pub struct Record {
     /// All parameters.
     #[serde(serialize_with = "written_values")]
     pub parameters: Values,
-    /// What counts as a success, and which pairs there are.
+    /// Pairs, and the limits of success.
     pub data: DataConfig,
-    /// The parameters on the held-out pairs.
+    /// Errors of the parameters on the held-out pairs.
     pub summary: Summary,
 }
 
-/// A kind of country and its towns, by their numbers.
+/// A kind of country and the numbers of its towns.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainedIn {

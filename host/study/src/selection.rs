@@ -1,4 +1,4 @@
-//! Which cells are wanted, in the order in which they are run.
+//! Selection of cells, in the order in which they are run.
 
 use clap::ValueEnum;
 
@@ -8,94 +8,80 @@ use super::by_hand::ByHand;
 use super::cell::Cell;
 use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 
-/// Which cells are wanted; of an axis without any all.
+/// Values selected along each axis of the table; none selects all.
 #[derive(Clone, Debug, Default)]
-pub struct Asked {
+pub struct Selection {
     /// Methods.
     pub methods: Vec<TableMethod>,
     /// Kinds of country.
     pub scenes: Vec<Scene>,
-    /// What is tuned.
+    /// Protocols: what is tuned.
     pub protocols: Vec<Protocol>,
     /// Ranges of registration.
     pub ranges: Vec<Preset>,
-    /// How it is searched.
+    /// Search strategies.
     pub strategies: Vec<Strategy>,
-    /// Switches; none: the table itself.
+    /// Switches; none selects the table itself.
     pub ablations: Vec<Ablation>,
-    /// Those set by hand as well, of their method.
+    /// True when the cases tuned by hand, which are of one method, are selected too.
     pub by_hand: bool,
 }
 
-impl Asked {
-    /// The cells in the order they are run: first those where nothing is tuned, which say how long
-    /// the others will take; then searches, ours with ranges for outdoors before the paper's.
+impl Selection {
+    /// Cells in the order they are run: first those where nothing is tuned, as their times predict
+    /// the others'; then searches, ours with ranges for outdoors before the paper's.
     pub fn cells(&self) -> Vec<Cell> {
-        let mut all = vec![None];
+        let mut ablations = vec![None];
         if !self.ablations.is_empty() {
-            all = self.ablations.iter().copied().map(Some).collect();
+            ablations = self.ablations.iter().copied().map(Some).collect();
         }
-        let protocols = chosen(&self.protocols);
+        let (untuned, tuned): (Vec<Protocol>, Vec<Protocol>) = chosen(&self.protocols)
+            .into_iter()
+            .partition(|protocol| *protocol == Protocol::Default);
         let mut cells = Vec::new();
-        for ablation in all.iter().copied().filter(|_| protocols.contains(&Protocol::Default)) {
-            self.fill(&mut cells, ablation, None, &[Protocol::Default]);
+        for &ablation in &ablations {
+            cells.extend(self.product(ablation, None, &untuned));
         }
-        cells.extend(self.by_hand.then(|| self.set_by_hand()).into_iter().flatten());
-        let tuned: Vec<Protocol> =
-            protocols.into_iter().filter(|protocol| *protocol != Protocol::Default).collect();
-        for ablation in all {
+        if self.by_hand {
+            cells.extend(self.set_by_hand());
+        }
+        for ablation in ablations {
             for strategy in chosen(&self.strategies) {
-                self.fill(&mut cells, ablation, Some(strategy), &tuned);
+                cells.extend(self.product(ablation, Some(strategy), &tuned));
             }
         }
         cells
     }
 
-    /// The cells set by hand, of the ranges and kinds asked for.
+    /// The cases tuned by hand, with the ranges and scenes selected.
     pub fn set_by_hand(&self) -> Vec<Cell> {
-        let start = |(ranges, scene)| Cell {
-            ablation: None,
-            by_hand: None,
-            ranges,
-            strategy: None,
-            protocol: Protocol::Default,
-            method: ByHand::METHOD,
-            scene,
-        };
-        let scenes = chosen(&self.scenes);
-        let ranges = chosen(&self.ranges).into_iter();
-        let places = ranges.flat_map(|ranges| scenes.iter().map(move |&scene| (ranges, scene)));
-        let by = |cell: Cell| ByHand::ALL.map(|hand| Cell { by_hand: Some(hand), ..cell });
-        places.map(start).flat_map(by).collect()
+        let of_method = Self { methods: vec![ByHand::METHOD], ..self.clone() };
+        let starts = of_method.product(None, None, &[Protocol::Default]);
+        let by_hand = |cell: Cell| ByHand::ALL.map(|hand| Cell { by_hand: Some(hand), ..cell });
+        starts.into_iter().flat_map(by_hand).collect()
     }
 
-    fn fill(
+    /// A cell for each range, scene, method and protocol.
+    fn product(
         &self,
-        cells: &mut Vec<Cell>,
         ablation: Option<Ablation>,
         strategy: Option<Strategy>,
         protocols: &[Protocol],
-    ) {
+    ) -> Vec<Cell> {
+        let mut cells = Vec::new();
         for ranges in chosen(&self.ranges) {
             for scene in chosen(&self.scenes) {
                 for method in chosen(&self.methods) {
-                    let cell = |&protocol: &Protocol| Cell {
-                        ablation,
-                        by_hand: None,
-                        ranges,
-                        strategy,
-                        protocol,
-                        method,
-                        scene,
-                    };
-                    cells.extend(protocols.iter().map(cell));
+                    let start = Cell { ablation, strategy, ..Cell::start(ranges, method, scene) };
+                    cells.extend(protocols.iter().map(|&protocol| Cell { protocol, ..start }));
                 }
             }
         }
+        cells
     }
 }
 
-/// The values asked for, or all, each once.
+/// The values selected, or all, each once.
 fn chosen<T: ValueEnum + Clone + PartialEq>(some: &[T]) -> Vec<T> {
     let is_wanted = |value: &&T| some.is_empty() || some.contains(value);
     T::value_variants().iter().filter(is_wanted).cloned().collect()
@@ -111,7 +97,7 @@ mod tests {
 
     #[test]
     fn the_whole_table_has_each_cell_once_and_nothing_tuned_once_a_method_kind_and_range() {
-        let cells = Asked::default().cells();
+        let cells = Selection::default().cells();
         let names: BTreeSet<String> = cells.iter().map(Cell::file_name).collect();
         assert_eq!((cells.len(), names.len()), (168, 168)); // 24 starts, 3 · 2 · 24 searches
         let untuned = cells.iter().take_while(|cell| cell.protocol == Protocol::Default).count();
@@ -122,9 +108,9 @@ mod tests {
     #[test]
     fn every_case_set_by_hand_starts_in_both_ranges_and_is_no_other_case() {
         let base = Base::default();
-        let asked = Asked { by_hand: true, ..Asked::default() };
+        let selection = Selection { by_hand: true, ..Selection::default() };
         let cells: Vec<Cell> =
-            asked.cells().into_iter().filter(|cell| cell.by_hand.is_some()).collect();
+            selection.cells().into_iter().filter(|cell| cell.by_hand.is_some()).collect();
         assert_eq!(cells.len(), 18); // 3 cases, 3 kinds, 2 ranges
         let mut seen = Vec::new();
         for cell in cells {

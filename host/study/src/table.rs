@@ -1,4 +1,4 @@
-//! The table: records beside the paper's numbers, with intervals, and where joint tuning stands.
+//! The table: records beside the paper's numbers, with intervals, and verdicts on joint tuning.
 
 use serde::Serialize;
 
@@ -15,20 +15,20 @@ use echoloop_closed_loop::dataset::fingerprint::Content;
 use echoloop_closed_loop::evaluation::gain::{Estimate, Figures};
 use echoloop_closed_loop::parameters::{Values, written_values};
 
-/// The table of a folder's cells. No times, no paths: equal cells give equal tables.
+/// The table of a folder's cells. It has no times and no paths, so equal cells give equal tables.
 #[derive(Clone, Debug, Serialize)]
 pub struct Table {
     /// Version of this format.
     pub format: u32,
-    /// What all cells share: seed, version, settings.
+    /// Settings that all cells share.
     pub plan: Plan,
     /// The cells, in the order they are run.
     pub rows: Vec<Row>,
-    /// Where joint tuning stands, for each method, kind, range and strategy.
+    /// Verdict on joint tuning, for each method, scene, range and strategy.
     pub joint: Vec<Verdict>,
-    /// Joint tuning beside each other protocol, on the pairs that both find.
+    /// Joint tuning compared with each other protocol, on the pairs that both find.
     pub paired: Vec<Paired>,
-    /// What was tuned, on real clouds; empty where none were given.
+    /// Tuned settings on real clouds; empty where none were given.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub real: Vec<RealRow>,
 }
@@ -36,56 +36,56 @@ pub struct Table {
 /// A cell of the table.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Which.
+    /// The cell.
     pub cell: Cell,
-    /// The paper's; none of a cell that the paper does not have.
+    /// The paper's figures; none of a cell that the paper does not have.
     pub paper: Option<PaperFigures>,
-    /// Ours, with 95 % intervals; none of a cell that is not done.
+    /// Our figures with 95 % intervals; none of an unfinished cell.
     pub figures: Option<Figures<Estimate>>,
-    /// What it was made of.
+    /// Origin of the figures.
     pub made: Option<Made>,
-    /// Why it failed.
+    /// Reason of a failure.
     pub error: Option<String>,
 }
 
-/// What a cell was made of.
+/// Origin of a cell's figures.
 #[derive(Clone, Debug, Serialize)]
 pub struct Made {
     /// Checksum of its configuration.
     pub configuration: String,
-    /// Where it was tuned, where that is not where it is judged.
+    /// Scene and towns of the training pairs, where the held-out pairs are of others.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trained_in: Option<TrainedIn>,
     /// Checksums of the scene, the front end and every scan.
     pub content: Content,
-    /// Where its parameters come from.
+    /// Origin of the parameters.
     pub origin: String,
     /// Registrations of its search.
     pub registrations: usize,
     /// Held-out pairs.
     pub pairs: usize,
-    /// Its parameters.
+    /// The parameters.
     #[serde(serialize_with = "written_values")]
     pub parameters: Values,
 }
 
-/// How joint tuning compares with the other protocols of the same method, kind, range and
-/// strategy: for each figure whether it is the best, or holds the best within its interval. None
-/// where joint tuning, or everything else, is missing or has no such figure.
+/// Verdict on joint tuning against the other protocols of the same method, scene, range and
+/// strategy: for each figure, true when joint tuning is best or its interval holds the best. `None`
+/// where joint tuning or all others lack the figure.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Verdict {
     /// The cell of joint tuning.
     pub cell: Cell,
-    /// Of recall.
+    /// Verdict on recall.
     pub recall: Option<bool>,
-    /// Of the mean translation error over successes.
+    /// Verdict on the mean translation error over successes.
     pub translation: Option<bool>,
-    /// Of the mean rotation error over successes.
+    /// Verdict on the mean rotation error over successes.
     pub rotation: Option<bool>,
 }
 
 impl Verdict {
-    /// Whether it is so of every figure there is.
+    /// True when the verdict is true for every figure that is known; none without recall.
     pub fn holds(&self) -> Option<bool> {
         let all = [self.recall, self.translation, self.rotation];
         self.recall.map(|_| all.into_iter().flatten().all(|holds| holds))
@@ -93,13 +93,13 @@ impl Verdict {
 }
 
 impl Table {
-    /// Of what a folder has of some cells.
+    /// Table of some cells of a folder.
     ///
     /// # Errors
     ///
-    /// [`FolderError`] where it cannot be read why a cell failed.
+    /// [`FolderError`] when the reason of a failed cell cannot be read.
     pub fn new(folder: &Folder, cells: &[Cell]) -> Result<Self, FolderError> {
-        // One that cannot be used is its cell's failure, and not the others'.
+        // A record that cannot be used fails its own cell and no other.
         let records: Vec<Result<Option<Record>, FolderError>> =
             cells.iter().map(|cell| folder.record(cell)).collect();
         let paired = paired(&records.iter().flatten().flatten().collect::<Vec<_>>());
@@ -110,22 +110,22 @@ impl Table {
         Ok(Self { format: 1, plan: folder.plan.clone(), rows, joint, paired, real: Vec::new() })
     }
 
-    /// The row of a cell.
+    /// Row of a cell.
     pub fn row(&self, cell: &Cell) -> Option<&Row> {
         self.rows.iter().find(|row| row.cell == *cell)
     }
 
-    /// Cells that failed, with why.
+    /// Cells that failed, with the reason.
     pub fn failed(&self) -> impl Iterator<Item = (&Cell, &str)> {
         self.rows.iter().filter_map(|row| Some((&row.cell, row.error.as_deref()?)))
     }
 
-    /// Cells that are neither done nor failed.
+    /// Number of cells neither finished nor failed.
     pub fn missing(&self) -> usize {
         self.rows.iter().filter(|row| row.figures.is_none() && row.error.is_none()).count()
     }
 
-    /// The ranges and strategies that there are searches of, each once, without a switch.
+    /// Ranges and strategies of the searches without a switch, each once.
     pub fn searches(&self) -> Vec<(Preset, Option<Strategy>)> {
         let plain = || self.rows.iter().map(|row| row.cell).filter(Cell::is_of_the_table);
         let mut found = Vec::new();
@@ -138,7 +138,7 @@ impl Table {
         found
     }
 
-    /// The rows of one search and of its start, a method after the other, each kind by kind.
+    /// Rows of a search and its start, by method, then scene.
     pub fn of_search(&self, ranges: Preset, strategy: Option<Strategy>) -> Vec<&Row> {
         let is_of = |row: &&Row| {
             let cell = row.cell;
@@ -153,7 +153,7 @@ impl Table {
         rows
     }
 
-    /// The rows of cells set by hand, those of a kind together.
+    /// Rows of the cases tuned by hand, by scene.
     pub fn of_by_hand(&self) -> Vec<&Row> {
         let mut rows: Vec<&Row> =
             self.rows.iter().filter(|row| row.cell.by_hand.is_some()).collect();
@@ -164,15 +164,14 @@ impl Table {
         rows
     }
 
-    /// The rows of cells with a switch, those of a switch together.
+    /// Rows of the cells with a switch, by switch.
     pub fn of_ablations(&self) -> Vec<&Row> {
         let mut rows: Vec<&Row> =
             self.rows.iter().filter(|row| row.cell.ablation.is_some()).collect();
         rows.sort_by_key(|row| {
             let Cell { ablation, ranges, strategy, protocol, method, scene, .. } = row.cell;
-            let place = ablation.map(|ablation| ablation as usize);
             let search = (ranges as usize, strategy.map(|strategy| strategy as usize));
-            (place, method as usize, scene as usize, search, protocol as usize)
+            (ablation, method as usize, scene as usize, search, protocol as usize)
         });
         rows
     }
@@ -258,20 +257,13 @@ mod tests {
 
     fn row(protocol: Protocol, errors_m: &[f64]) -> Row {
         let strategy = (protocol != Protocol::Default).then_some(Strategy::Fast);
-        let cell = Cell {
-            ablation: None,
-            by_hand: None,
-            ranges: Preset::Outdoor,
-            strategy,
-            protocol,
-            method: TableMethod::Icp,
-            scene: Scene::Structured,
-        };
+        let start = Cell::start(Preset::Outdoor, TableMethod::Icp, Scene::Structured);
+        let cell = Cell { strategy, protocol, ..start };
         let figures = (!errors_m.is_empty()).then(|| figures(errors_m));
         Row { cell, paper: None, figures, made: None, error: None }
     }
 
-    /// What is said of joint tuning beside a start and registration alone.
+    /// Verdict on joint tuning against a start and registration alone.
     fn joint(start: &[f64], registration: &[f64], joint: &[f64]) -> Verdict {
         let rows = [
             row(Protocol::Default, start),

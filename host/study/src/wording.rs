@@ -1,4 +1,4 @@
-//! The words and numbers of the table, the same in text and page.
+//! Wording and number formats of the table, the same in text and page.
 
 use super::axes::name_of;
 use super::paired::Paired;
@@ -7,11 +7,11 @@ use super::table::{Row, Table, Verdict};
 use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 use echoloop_closed_loop::evaluation::gain::{Estimate, Figures};
 
-/// A figure of the table: how it is read, its unit, and units of it in one of ours.
+/// A figure of the table: how it is read, and its unit and scale in the table.
 pub struct Figure {
     /// Head of its column.
     pub title: &'static str,
-    /// Its name in files.
+    /// Name in files.
     pub key: &'static str,
     unit: &'static str,
     scale: f64,
@@ -52,20 +52,20 @@ pub const FIGURES: [Figure; 3] = [
 ];
 
 impl Figure {
-    /// Ours, from and to, in the table's unit.
+    /// Our value and the ends of its interval, in the table's unit.
     pub fn numbers(&self, figures: &Figures<Estimate>) -> [f64; 3] {
         let Estimate { value, interval: [low, high] } = (self.read)(figures);
         [value, low, high].map(|number| self.scale * number)
     }
 
-    /// Ours, with its unit; a dash where there is none, as of means without a success.
+    /// Our value with its unit; a dash where there is none, as for means without a success.
     pub fn value(&self, figures: &Figures<Estimate>) -> String {
         let [value, ..] = self.numbers(figures);
         let digits = self.decimals;
         if value.is_finite() { format!("{value:.digits$}{}", self.unit) } else { "–".into() }
     }
 
-    /// `1.20 to 1.44`; nothing where there is no interval.
+    /// The interval, as `1.20 to 1.44`; empty where there is none.
     pub fn within(&self, figures: &Figures<Estimate>) -> String {
         let [_, low, high] = self.numbers(figures);
         let digits = self.decimals;
@@ -75,18 +75,18 @@ impl Figure {
         }
     }
 
-    /// A number of the table's unit, without it.
+    /// A number in the table's unit, without the unit.
     pub fn digits(&self, number: f64) -> String {
         let digits = self.decimals;
         format!("{number:.digits$}")
     }
 
-    /// The paper's number.
+    /// The paper's value.
     pub fn paper(&self, paper: &PaperFigures) -> f64 {
         (self.paper)(paper)
     }
 
-    /// The paper's, with its unit and its digits.
+    /// The paper's value with its unit and digits.
     pub fn theirs(&self, paper: &PaperFigures) -> String {
         format!("{}{}", self.paper(paper), self.unit)
     }
@@ -106,12 +106,12 @@ pub fn search(ranges: Preset, strategy: Option<Strategy>) -> String {
     format!("{of}{by}")
 }
 
-/// What stands for the figures of a cell that has none.
+/// Text in place of the figures of a cell without any.
 pub fn absent(row: &Row) -> &'static str {
     if row.error.is_some() { "failed" } else { "not run" }
 }
 
-/// How much there is.
+/// Cells done, pairs and seed.
 pub fn subtitle(table: &Table) -> String {
     let all = table.rows.len();
     let done = table.rows.iter().filter(|row| row.figures.is_some()).count();
@@ -120,45 +120,45 @@ pub fn subtitle(table: &Table) -> String {
     format!("{done} of {all} cells done{pairs}, seed {}", table.plan.seed)
 }
 
-/// What has to be known to read it.
+/// Remarks needed to read the table.
 pub fn remarks(table: &Table) -> Vec<String> {
-    let mut said = Vec::new();
+    let mut remarks = Vec::new();
     if table.plan.quick {
-        said.push(
+        remarks.push(
             "This is the small table of --quick: few pairs, few generations. It shows the shape of \
              the whole one and proves nothing."
                 .to_owned(),
         );
     }
-    said.push(
+    remarks.push(
         "Recall is the share of held-out pairs within 0.5 m and 2.5° (ICP) or 1 m and 5° (FGR, \
-         MAC). RTE and RRE are means over those alone, so they are of other pairs where recall \
-         differs."
+         MAC). RTE and RRE are means over the pairs found alone, so where recall differs they are \
+         means over different pairs."
             .to_owned(),
     );
-    said.push(
-        "Intervals are of 95 %: Wilson's of recall, a bootstrap over pairs of the means. They say \
-         nothing of another seed."
+    remarks.push(
+        "Intervals are 95 %: Wilson's for recall, a bootstrap over pairs for the means. They do \
+         not cover differences between seeds."
             .to_owned(),
     );
-    said.push(
+    remarks.push(
         "Both FGR rows stand beside the paper's one: FGR (Open3D) runs as Open3D's Python defaults \
          do, which the paper most likely measured; FGR (published) anneals as its authors say."
             .to_owned(),
     );
-    said.extend(verdicts(table));
-    said.extend(paired(table));
+    remarks.extend(verdicts(table));
+    remarks.extend(paired(table));
     if !table.real.is_empty() {
-        said.push(
-            "Real clouds are registered from the identity, with settings alone: nothing of their \
-             true motions is known to whoever chose them."
+        remarks.push(
+            "Real clouds are registered from the identity. Their true motions were used only to \
+             measure the errors, not to choose the settings."
                 .to_owned(),
         );
     }
-    said
+    remarks
 }
 
-/// Joint tuning beside registration's alone on the pairs that both find, a sentence a search.
+/// A sentence for each search: joint tuning against registration alone, on pairs that both find.
 fn paired(table: &Table) -> Vec<String> {
     let sentence = |(ranges, strategy): (Preset, Option<Strategy>)| {
         let is_of = |paired: &&Paired| {
@@ -169,8 +169,8 @@ fn paired(table: &Table) -> Vec<String> {
         let each: Vec<String> = table.paired.iter().filter(is_of).filter_map(beside).collect();
         (!each.is_empty()).then(|| {
             format!(
-                "On the pairs that both find, with {}, both together err so many times as much as \
-                 registration alone (RTE, geometric mean): {}.",
+                "On the pairs that both find, with {}, the ratio of RTE with both tuned to RTE \
+                 with registration alone (geometric mean) is: {}.",
                 search(ranges, strategy),
                 each.join("; ")
             )
@@ -183,12 +183,12 @@ fn beside(paired: &Paired) -> Option<String> {
     let Estimate { value, interval: [low, high] } = paired.translation_ratio?;
     let (method, scene) = (paired.cell.method.title(), name_of(paired.cell.scene));
     Some(format!(
-        "{method} {scene} {value:.2} ({low:.2} to {high:.2}; {} of both, {} gained, {} lost)",
+        "{method} {scene} {value:.2} ({low:.2} to {high:.2}; {} found by both, {} gained, {} lost)",
         paired.both, paired.gained, paired.lost
     ))
 }
 
-/// Where joint tuning is best or holds the best within its interval, a sentence a search.
+/// A sentence for each search: cells where joint tuning is best or its interval holds the best.
 pub(super) fn verdicts(table: &Table) -> Vec<String> {
     let sentence = |(ranges, strategy): (Preset, Option<Strategy>)| {
         let is_of = |verdict: &&Verdict| {
@@ -217,7 +217,7 @@ pub(super) fn verdicts(table: &Table) -> Vec<String> {
     table.searches().into_iter().filter_map(sentence).collect()
 }
 
-/// A cell where it is not, and in which figures.
+/// A cell where it is not, and the figures concerned.
 fn lost(verdict: &Verdict) -> Option<String> {
     let named =
         [("recall", verdict.recall), ("RTE", verdict.translation), ("RRE", verdict.rotation)];

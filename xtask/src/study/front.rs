@@ -6,19 +6,15 @@ use anyhow::{Result, anyhow};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::cell::{Cell, Condition, Method, Protocol, Scene, Strategy};
 use super::record::energy;
+use crate::campaign::Line;
 use crate::record::three_digits;
 
-/// A run that is done.
+/// Front of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct FrontLine {
-    pub(super) cell: Cell,
-    /// Day and commit.
-    made: String,
+pub(super) struct Front {
     start: Point,
-    /// What the search before the front's chose.
+    /// Choice of the search before the front's.
     tuned: Point,
     /// Cheapest first.
     points: Vec<Point>,
@@ -39,33 +35,17 @@ struct Point {
     less_start: Option<[f64; 3]>,
 }
 
-/// The run of a kind and a seed.
-pub(super) fn cell(scene: Scene, seed: u64) -> Cell {
-    Cell {
-        strategy: Strategy::Fast,
-        protocol: Protocol::Joint,
-        method: Method::Icp,
-        scene,
-        condition: Condition::Clear,
-        seed,
-    }
-}
-
-impl FrontLine {
-    /// From what `echoloop tune --pareto energy --json` printed.
-    pub(super) fn new(cell: Cell, made: String, result: &Value) -> Result<Self> {
+impl Front {
+    /// Reads what `echoloop tune --pareto energy --json` printed.
+    pub(super) fn new(result: &Value) -> Result<Self> {
         let front = &result["front"];
-        let missing = |what: &str| anyhow!("the front has no {what}");
-        let points = front["points"].as_array().ok_or_else(|| missing("points"))?;
+        let missing = |name: &str| anyhow!("the front has no {name}");
+        let points = front["points"].as_array().ok_or_else(|| missing("points"))?.iter();
+        let point = |point| Point::new(point).ok_or_else(|| missing("whole point"));
         Ok(Self {
-            cell,
-            made,
             start: Point::new(&front["default"]).ok_or_else(|| missing("start"))?,
             tuned: Point::new(&front["tuned"]).ok_or_else(|| missing("choice"))?,
-            points: points
-                .iter()
-                .map(|point| Point::new(point).ok_or_else(|| missing("whole point")))
-                .collect::<Result<_>>()?,
+            points: points.map(point).collect::<Result<_>>()?,
         })
     }
 }
@@ -92,15 +72,16 @@ const HEAD: &str = "\
 |---|---|---|---|---|---|---|
 ";
 
-pub(super) fn tables(lines: &[FrontLine]) -> String {
+/// A table for each front.
+pub(super) fn tables(lines: &[Line<Front>]) -> String {
     let mut text = String::new();
-    for line in lines {
-        let Cell { scene, seed, .. } = line.cell;
+    for Line { cell, result: Front { start, tuned, points }, .. } in lines {
+        let (scene, seed) = (cell.of("scene"), cell.of("seed"));
         let _ = write!(text, "\n### Front, ICP, {scene}, seed {seed}\n\n{HEAD}");
-        row(&mut text, "start", &line.start, &line.start);
-        row(&mut text, "tuned", &line.tuned, &line.start);
-        for (i, point) in line.points.iter().enumerate() {
-            row(&mut text, &(i + 1).to_string(), point, &line.start);
+        row(&mut text, "start", start, start);
+        row(&mut text, "tuned", tuned, start);
+        for (i, point) in points.iter().enumerate() {
+            row(&mut text, &(i + 1).to_string(), point, start);
         }
     }
     text.push('\n');
@@ -113,7 +94,7 @@ fn row(text: &mut String, name: &str, point: &Point, start: &Point) {
         times if times > 1.005 => format!("1/{:.0}", three_digits(times)),
         times => format!("{:.2}", 1.0 / times),
     };
-    let told = match point.less_start {
+    let verdict = match point.less_start {
         None => "–",
         Some([_, low, _]) if low > 0.0 => "higher",
         Some([_, _, high]) if high < 0.0 => "**lower**",
@@ -121,7 +102,7 @@ fn row(text: &mut String, name: &str, point: &Point, start: &Point) {
     };
     let _ = writeln!(
         text,
-        "| {name} | {} | {share} | {:.1} % | {} cm | {error} ({low} to {high}) | {told} |",
+        "| {name} | {} | {share} | {:.1} % | {} cm | {error} ({low} to {high}) | {verdict} |",
         energy(point.energy_mj),
         point.recall_pct,
         point.median_cm,
@@ -133,6 +114,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::campaign::Cell;
 
     #[test]
     fn a_front_is_a_table_of_its_points_with_what_they_are_to_the_start() {
@@ -149,10 +131,11 @@ mod tests {
         start.as_object_mut().unwrap().remove("comparison");
         let points = [point(2e-6, [0.1, -0.1, 0.2]), point(1e-3, [-0.2, -0.3, -0.1])];
         let result = json!({"front": {"default": start, "tuned": start, "points": points}});
-        let line = FrontLine::new(cell(Scene::Structured, 2), "today".into(), &result).unwrap();
-        let text = serde_json::to_string(&line).unwrap();
-        assert_eq!(serde_json::from_str::<FrontLine>(&text).unwrap(), line);
-        let page = tables(&[line]);
+        let front = Front::new(&result).unwrap();
+        let text = serde_json::to_string(&front).unwrap();
+        assert_eq!(serde_json::from_str::<Front>(&text).unwrap(), front);
+        let cell = Cell::default().with("scene", "structured").with("seed", "2");
+        let page = tables(&[Line { cell, made: "today".into(), result: front }]);
         for row in [
             "| start | 4.00 mJ | 1.00 | 97.0 % | 0.432 cm | 0.0123 (0.01 to 0.015) | – |",
             "| 1 | 2.00 µJ | 1/2000 | 97.0 % | 0.432 cm | 0.0123 (0.01 to 0.015) | not told \
@@ -161,7 +144,6 @@ mod tests {
         ] {
             assert!(page.contains(row), "{row}\n{page}");
         }
-        let none = FrontLine::new(cell(Scene::Structured, 2), "today".into(), &json!({}));
-        assert!(none.is_err());
+        assert!(Front::new(&json!({})).is_err());
     }
 }

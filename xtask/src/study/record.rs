@@ -1,4 +1,4 @@
-//! The record: a line for each cell that is done.
+//! Result of a run of the study, as its line has it.
 
 use std::collections::BTreeMap;
 
@@ -6,29 +6,24 @@ use anyhow::{Context, Result, anyhow};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::cell::Cell;
 use crate::record::three_digits;
 
-/// No error counts for more, ‖T − T*‖_F.
+/// Cap of a pair's error, ‖T − T*‖_F.
 const CAP: f64 = 1.0;
 
-/// A cell that is done.
+/// Result of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Line {
-    pub(super) cell: Cell,
-    /// Day and commit.
-    pub(super) made: String,
-    /// Registrations of the search, its last race included.
+pub(super) struct Run {
+    /// Registrations of the search, with its final selection.
     pub(super) registrations: u64,
-    /// What was chosen: a finalist's origin.
+    /// Origin of the parameters chosen.
     pub(super) origin: String,
     /// The parameters chosen, by name; older lines do not have them.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(super) parameters: BTreeMap<String, f64>,
     /// The start on the held-out pairs.
     pub(super) start: Judged,
-    /// What was tuned.
+    /// The parameters chosen on the held-out pairs.
     pub(super) tuned: Judged,
 }
 
@@ -46,16 +41,13 @@ pub(super) struct Judged {
     pub(super) errors: Vec<u32>,
 }
 
-impl Line {
-    /// From what `echoloop tune --json` printed.
-    pub(super) fn new(cell: Cell, made: String, result: &Value) -> Result<Self> {
-        let missing = |what: &str| anyhow!("the result has no {what}");
+impl Run {
+    /// Reads what `echoloop tune --json` printed.
+    pub(super) fn new(result: &Value) -> Result<Self> {
+        let missing = |name: &str| anyhow!("the result has no {name}");
+        let registrations = result["registrations"].as_u64();
         Ok(Self {
-            cell,
-            made,
-            registrations: result["registrations"]
-                .as_u64()
-                .ok_or_else(|| missing("registrations"))?,
+            registrations: registrations.ok_or_else(|| missing("registrations"))?,
             origin: result["origin"].as_str().ok_or_else(|| missing("origin"))?.to_owned(),
             parameters: serde_json::from_value(result["tuned"].clone())
                 .context("the result's parameters")?,
@@ -83,7 +75,7 @@ impl Judged {
     }
 }
 
-/// An energy of so many mJ.
+/// An energy in the unit that leaves it digits.
 pub(super) fn energy(mj: f64) -> String {
     match mj {
         mj if mj < 9.95e-5 => format!("{:.2} nJ", 1e6 * mj),
@@ -96,19 +88,7 @@ pub(super) fn energy(mj: f64) -> String {
 mod tests {
     use serde_json::json;
 
-    use super::super::cell::{Condition, Method, Protocol, Scene, Strategy};
     use super::*;
-
-    pub(super) fn cell(seed: u64) -> Cell {
-        Cell {
-            strategy: Strategy::Fast,
-            protocol: Protocol::Joint,
-            method: Method::Icp,
-            scene: Scene::SemiStructured,
-            condition: Condition::TenthEnergy,
-            seed,
-        }
-    }
 
     #[test]
     fn an_energy_is_told_in_the_unit_that_leaves_it_digits() {
@@ -131,14 +111,12 @@ mod tests {
             "registrations": 7, "origin": "start", "tuned": {"lidar.power": 75.0},
             "default_summary": summary(1.0), "tuned_summary": summary(0.01),
         });
-        let line = Line::new(cell(3), "abc".into(), &result).unwrap();
-        assert_eq!(
-            (&*line.start.errors, &*line.tuned.errors),
-            (&[50_000, 100_000][..], &[500, 9_000][..])
-        );
-        assert_eq!((line.start.mean_cm, line.start.energy_mj), (Some(1.23), 4.61));
-        let text = serde_json::to_string(&line).unwrap();
-        assert_eq!(serde_json::from_str::<Line>(&text).unwrap(), line);
-        assert!(Line::new(cell(3), "abc".into(), &json!({})).is_err());
+        let run = Run::new(&result).unwrap();
+        assert_eq!(run.start.errors, [50_000, 100_000]);
+        assert_eq!(run.tuned.errors, [500, 9_000]);
+        assert_eq!((run.start.mean_cm, run.start.energy_mj), (Some(1.23), 4.61));
+        let text = serde_json::to_string(&run).unwrap();
+        assert_eq!(serde_json::from_str::<Run>(&text).unwrap(), run);
+        assert!(Run::new(&json!({})).is_err());
     }
 }

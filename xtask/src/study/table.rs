@@ -1,30 +1,32 @@
-//! The page's table, written between two marks.
+//! Tables of the study's page.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use super::cell::{Cell, Condition, Method, Protocol, Scene, Strategy};
-use super::record::{Judged, Line, energy};
-use crate::bootstrap::{Interval, mean};
+use echoloop_statistics::Estimate;
 
-/// What is compared: the same in everything but strategy, protocol and seed.
-type Place = (Condition, Method, Scene);
+use super::STUDY;
+use super::record::{Judged, Run, energy};
+use crate::campaign::{Line, mean};
 
-pub(super) fn tables(lines: &[Line]) -> String {
-    let mut places: BTreeMap<Place, Vec<&Line>> = BTreeMap::new();
+/// A table for each condition and method, with the scenes' rows.
+pub(super) fn tables(lines: &[Line<Run>]) -> String {
+    // Rows that are compared are the same in all but strategy, protocol and seed.
+    let mut places: BTreeMap<[usize; 3], Vec<&Line<Run>>> = BTreeMap::new();
     for line in lines {
-        let Cell { condition, method, scene, .. } = line.cell;
-        places.entry((condition, method, scene)).or_default().push(line);
+        let place = ["condition", "method", "scene"].map(|axis| STUDY.place(axis, &line.cell));
+        places.entry(place).or_default().push(line);
     }
     let mut text = String::new();
     let mut heading = None;
-    for ((condition, method, scene), lines) in places {
+    for ([condition, method, _], lines) in places {
+        let cell = &lines[0].cell;
         if heading != Some((condition, method)) {
             heading = Some((condition, method));
-            let _ =
-                write!(text, "\n### {}, {condition}\n\n{HEAD}", method.to_string().to_uppercase());
+            let (method, condition) = (cell.of("method").to_uppercase(), cell.of("condition"));
+            let _ = write!(text, "\n### {method}, {condition}\n\n{HEAD}");
         }
-        rows(&mut text, scene, &lines);
+        rows(&mut text, cell.of("scene"), &lines);
     }
     text.push('\n');
     text
@@ -36,62 +38,55 @@ const HEAD: &str = "\
 |---|---|---|---|---|---|---|---|---|---|---|---|
 ";
 
-fn rows(text: &mut String, scene: Scene, lines: &[&Line]) {
+/// Strategies in the order of the rows.
+const STRATEGIES: [&str; 5] = ["paper", "short", "warm", "fast", "thrift"];
+
+fn rows(text: &mut String, scene: &str, lines: &[&Line<Run>]) {
     // A seed's start is the same for all that was tuned from it.
-    let starts: BTreeMap<u64, &Judged> =
-        lines.iter().map(|line| (line.cell.seed, &line.start)).collect();
-    row(
-        text,
-        &[scene.to_string(), "nothing".into(), "–".into()],
-        &starts.into_values().collect::<Vec<_>>(),
-        None,
-        ["–"; 4].map(String::from),
-    );
-    let of = |strategy: Strategy, protocol: Protocol| -> Vec<&Line> {
-        let is_asked =
-            |line: &&&Line| (line.cell.strategy, line.cell.protocol) == (strategy, protocol);
-        lines.iter().filter(is_asked).copied().collect()
+    let starts: BTreeMap<&str, &Judged> =
+        lines.iter().map(|line| (line.cell.of("seed"), &line.result.start)).collect();
+    let starts: Vec<&Judged> = starts.into_values().collect();
+    row(text, [scene, "nothing", "–"], &starts, None, [None; 4]);
+    let of = |strategy: &str, protocol: &str| -> Vec<&Line<Run>> {
+        let is_it = |line: &&&Line<Run>| {
+            [line.cell.of("strategy"), line.cell.of("protocol")] == [strategy, protocol]
+        };
+        lines.iter().filter(is_it).copied().collect()
     };
-    for strategy in
-        [Strategy::Paper, Strategy::Short, Strategy::Warm, Strategy::Fast, Strategy::Thrift]
-    {
-        for protocol in [Protocol::Lidar, Protocol::Registration, Protocol::Joint] {
+    for strategy in STRATEGIES {
+        for protocol in STUDY.values("protocol") {
             let runs = of(strategy, protocol);
             if runs.is_empty() {
                 continue;
             }
-            let tuned: Vec<&Judged> = runs.iter().map(|line| &line.tuned).collect();
-            let count = runs.iter().map(|line| line.registrations).sum::<u64>() / runs.len() as u64;
-            // Beside what else was tuned with the same seed, where that is another row.
+            let tuned: Vec<&Judged> = runs.iter().map(|line| &line.result.tuned).collect();
+            let registrations = runs.iter().map(|line| line.result.registrations).sum::<u64>();
+            let count = registrations / runs.len() as u64;
+            let start = against(&runs, |line| Some(&line.result.start));
+            // Another row is compared with by the runs of the same seed.
             let beside = |strategy, protocol| {
                 let others = of(strategy, protocol);
                 against(&runs, move |line| {
-                    let same = others.iter().find(|other| other.cell.seed == line.cell.seed);
-                    same.map(|other| &other.tuned)
+                    let same = |other: &&&Line<Run>| other.cell.of("seed") == line.cell.of("seed");
+                    others.iter().find(same).map(|other| &other.result.tuned)
                 })
             };
-            let half = |half| (protocol == Protocol::Joint).then(|| beside(strategy, half))?;
-            // One that searched for the least energy was not after the paper's error.
-            let is_beside = !matches!(strategy, Strategy::Paper | Strategy::Thrift);
-            let papers = || is_beside.then(|| beside(Strategy::Paper, protocol))?;
-            let gains = [
-                against(&runs, |line| Some(&line.start)),
-                half(Protocol::Registration),
-                half(Protocol::Lidar),
-                papers(),
-            ];
-            let names = [scene.to_string(), protocol.to_string(), strategy.to_string()];
-            row(text, &names, &tuned, Some(count), gains.map(|gain| gain.map_or("–".into(), told)));
+            let half = |half| (protocol == "joint").then(|| beside(strategy, half))?;
+            // Thrift searches for the least energy, not for the paper's error.
+            let is_beside = !matches!(strategy, "paper" | "thrift");
+            let paper = is_beside.then(|| beside("paper", protocol)).flatten();
+            let gains = [start, half("registration"), half("lidar"), paper];
+            row(text, [scene, protocol, strategy], &tuned, Some(count), gains);
         }
     }
 }
 
 fn row(
     text: &mut String,
-    names: &[String; 3],
+    [scene, tuned, by]: [&str; 3],
     judged: &[&Judged],
     count: Option<u64>,
-    gains: [String; 4],
+    gains: [Option<Estimate>; 4],
 ) {
     let of = |value: fn(&Judged) -> f64| {
         judged.iter().map(|judged| value(judged)).sum::<f64>() / judged.len() as f64
@@ -105,8 +100,8 @@ fn row(
     };
     let energy_mj = of(|judged| judged.energy_mj);
     let count = count.map_or("–".to_owned(), |count| count.to_string());
-    let [scene, tuned, by] = names;
-    let (runs, gains) = (judged.len(), gains.join(" | "));
+    let gains = gains.map(|gain| gain.map_or("–".into(), as_ratio)).join(" | ");
+    let runs = judged.len();
     let _ = writeln!(
         text,
         "| {scene} | {tuned} | {by} | {runs} | {count} | {recall_pct:.1} % | {mean_cm} \
@@ -115,31 +110,31 @@ fn row(
     );
 }
 
-/// By how much the errors of runs differ from those of others on the same pairs: the mean
-/// difference of the logarithms, a run a group.
+/// Difference of the runs' errors from those of others on the same pairs: the mean difference of
+/// the logarithms, a run a group.
 fn against<'a>(
-    runs: &[&'a Line],
-    other: impl Fn(&'a Line) -> Option<&'a Judged>,
-) -> Option<Interval> {
-    /// A tenth of a millimetre: nothing counts for less.
+    runs: &[&'a Line<Run>],
+    other: impl Fn(&'a Line<Run>) -> Option<&'a Judged>,
+) -> Option<Estimate> {
+    /// Errors below a tenth of a millimetre count as this.
     const LEAST: f64 = 1e-4;
-    let differences = |line: &&'a Line| {
+    let differences = |line: &&'a Line<Run>| {
         let other = other(line)?.losses();
-        let pairs = line.tuned.losses().into_iter().zip(other);
+        let pairs = line.result.tuned.losses().into_iter().zip(other);
         Some(pairs.map(|(a, b)| (a.max(LEAST) / b.max(LEAST)).ln()).collect::<Vec<f64>>())
     };
     mean(&runs.iter().filter_map(differences).collect::<Vec<_>>())
 }
 
-/// A difference of logarithms as a ratio.
-fn told(interval: Interval) -> String {
-    let Interval { value, low, high } = interval;
+/// A difference of logarithms as a ratio, bold where it is significant.
+fn as_ratio(estimate: Estimate) -> String {
+    let Estimate { value, interval: [low, high] } = estimate;
     let [value, low, high] = [value, low, high].map(|logarithm| digits(logarithm.exp()));
-    let doubt = if interval.holds(0.0) { "" } else { "**" };
-    format!("{doubt}× {value}{doubt} ({low} to {high})")
+    let bold = if estimate.holds(0.0) { "" } else { "**" };
+    format!("{bold}× {value}{bold} ({low} to {high})")
 }
 
-/// Two places, and two digits at least: a thousandth is not nothing.
+/// A ratio with two decimals, and at least two significant digits.
 fn digits(ratio: f64) -> String {
     let places = if ratio > 0.0 { (1.0 - ratio.log10().floor()).clamp(2.0, 9.0) } else { 2.0 };
     format!("{ratio:.*}", places as usize)
@@ -149,30 +144,24 @@ fn digits(ratio: f64) -> String {
 mod tests {
     use super::*;
 
-    fn line(protocol: Protocol, seed: u64, start: u32, tuned: u32) -> Line {
+    fn line(protocol: &str, seed: &str, start: u32, tuned: u32) -> Line<Run> {
         let judged = |error: u32| Judged {
             recall_pct: 100.0,
             mean_cm: Some(f64::from(error) / 1e3),
             energy_mj: 4.6,
             errors: (0..100).map(|i| error + i % 2).collect(),
         };
-        let cell = Cell {
-            strategy: Strategy::Fast,
-            protocol,
-            method: Method::Icp,
-            scene: Scene::Structured,
-            condition: Condition::Clear,
-            seed,
-        };
-        let (made, origin) = ("today".into(), "start".into());
+        let cell = STUDY.cells(&[("seed", &[seed.to_owned()])]).swap_remove(0);
         Line {
-            cell,
-            made,
-            registrations: 900,
-            origin,
-            parameters: BTreeMap::new(),
-            start: judged(start),
-            tuned: judged(tuned),
+            cell: cell.with("protocol", protocol),
+            made: "today".into(),
+            result: Run {
+                registrations: 900,
+                origin: "start".into(),
+                parameters: BTreeMap::new(),
+                start: judged(start),
+                tuned: judged(tuned),
+            },
         }
     }
 
@@ -185,10 +174,10 @@ mod tests {
     #[test]
     fn both_together_are_compared_with_registration_alone_of_the_same_seed() {
         let lines = [
-            line(Protocol::Registration, 1, 1000, 800),
-            line(Protocol::Registration, 2, 2000, 1000),
-            line(Protocol::Joint, 1, 1000, 400),
-            line(Protocol::Joint, 2, 2000, 500),
+            line("registration", "1", 1000, 800),
+            line("registration", "2", 2000, 1000),
+            line("joint", "1", 1000, 400),
+            line("joint", "2", 2000, 500),
         ];
         let page = tables(&lines);
         let row = page.lines().find(|row| row.contains("| joint |")).unwrap();
@@ -203,12 +192,12 @@ mod tests {
 
     #[test]
     fn of_two_runs_only_those_of_one_seed_are_compared_with_the_sensor_s_and_the_paper_s() {
-        let mut papers = line(Protocol::Joint, 2, 2000, 250);
-        papers.cell.strategy = Strategy::Paper;
+        let mut papers = line("joint", "2", 2000, 250);
+        papers.cell = papers.cell.with("strategy", "paper");
         let lines = [
-            line(Protocol::Lidar, 1, 1000, 800),
-            line(Protocol::Joint, 1, 1000, 400),
-            line(Protocol::Joint, 2, 2000, 500),
+            line("lidar", "1", 1000, 800),
+            line("joint", "1", 1000, 400),
+            line("joint", "2", 2000, 500),
             papers,
         ];
         let page = tables(&lines);

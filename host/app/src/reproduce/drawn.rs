@@ -1,4 +1,4 @@
-//! The figures of `echoloop reproduce`: drawn from a folder, and written to another.
+//! Figures of `echoloop reproduce`.
 
 use std::path::Path;
 
@@ -7,13 +7,13 @@ use super::overlays::overlays;
 use echoloop_closed_loop::run_folder::files::{Output, file_error};
 use echoloop_study::{Cells, Figures, Folder, Table, figures};
 
-/// All figures of a table's cells.
+/// Draws all figures of a table's cells.
 pub(super) fn drawn(folder: &Folder, table: &Table) -> Figures {
     let cells = Cells::read(folder, table);
     figures(&cells, &overlays(folder, &cells))
 }
 
-/// Whether figures can be written there, as far as can be seen before any work.
+/// Refuses a folder that figures cannot be written to, before any work.
 ///
 /// # Errors
 ///

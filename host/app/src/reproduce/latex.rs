@@ -5,32 +5,33 @@ use std::fmt::{Display, Write as _};
 use super::written::real_figures;
 use echoloop_closed_loop::config::preset::Protocol;
 use echoloop_study::{
-    FIGURES, RealRow, Row, Scene, Table, TableMethod, name_of, paper, remarks, search, subtitle,
-    tuned, tuned_by,
+    FIGURES, Part, RealRow, Row, Scene, Sheet, Table, TableMethod, name_of, paper, remarks, search,
+    subtitle, tuned, tuned_by,
 };
 
-/// A `tabular` for each range and search: translation, rotation and recall as in the paper's table,
-/// the best of a method and kind bold, the paper's own in grey below; then one of cases set by
-/// hand, of switches, of real clouds. Needs the packages booktabs and xcolor.
+/// LaTeX: a `tabular` for each search, with translation, rotation and recall as in the paper's
+/// table, the best of a method and scene bold, the paper's figures in grey below; then one for
+/// cases tuned by hand, switches and real clouds. Needs the packages booktabs and xcolor.
 pub(super) fn latex(table: &Table) -> String {
     let mut text = format!("% {}\n", subtitle(table));
     for remark in remarks(table) {
         let _ = writeln!(text, "% {remark}");
     }
-    for (ranges, strategy) in table.searches() {
-        let _ = write!(text, "\n% {}\n{LATEX_HEAD}", search(ranges, strategy));
-        let rows = table.of_search(ranges, strategy);
-        for protocol in
-            [Protocol::Default, Protocol::Lidar, Protocol::Registration, Protocol::Joint]
-        {
-            latex_rows(&mut text, protocol, &rows);
+    for sheet in table.sheets() {
+        match sheet.part {
+            Part::Search(ranges, strategy) => {
+                let _ = write!(text, "\n% {}\n{LATEX_HEAD}", search(ranges, strategy));
+                for protocol in
+                    [Protocol::Default, Protocol::Lidar, Protocol::Registration, Protocol::Joint]
+                {
+                    latex_rows(&mut text, protocol, &sheet.rows);
+                }
+                text.push_str(LATEX_END);
+            }
+            Part::ByHand => latex_beside(&mut text, "Set by hand", &sheet),
+            Part::Switches => latex_beside(&mut text, "Switch", &sheet),
         }
-        text.push_str(LATEX_END);
     }
-    let start = |row: &Row| row.cell.untuned();
-    latex_beside(&mut text, "Set by hand", &table.of_by_hand(), &|row| table.row(&start(row)));
-    let plain = |row: &Row| row.cell.plain();
-    latex_beside(&mut text, "Switch", &table.of_ablations(), &|row| table.row(&plain(row)));
     if !table.real.is_empty() {
         let _ = write!(text, "\n% real clouds\n{LATEX_REAL_HEAD}");
         table.real.iter().for_each(|row| latex_real_row(&mut text, row));
@@ -41,16 +42,8 @@ pub(super) fn latex(table: &Table) -> String {
 
 const LATEX_END: &str = "\\bottomrule\n\\end{tabular}\n";
 
-/// Rows with what stands beside each, in grey: the default, or the same cell without its switch.
-fn latex_beside<'a>(
-    text: &mut String,
-    head: &str,
-    rows: &[&Row],
-    beside: &dyn Fn(&Row) -> Option<&'a Row>,
-) {
-    if rows.is_empty() {
-        return;
-    }
+/// Rows, each figure with the one that it is compared with beside it, in grey.
+fn latex_beside(text: &mut String, head: &str, sheet: &Sheet<'_>) {
     let figures = "RTE [cm] & & RRE [$^\\circ$] & & Recall [\\%] &";
     let _ = write!(
         text,
@@ -58,9 +51,9 @@ fn latex_beside<'a>(
          \\toprule\n{head} & Ranges & Method & Scene & Tuned & {figures} \\\\\n\\midrule\n",
         head.to_lowercase()
     );
-    for row in rows {
+    for row in &sheet.rows {
         let cell = &row.cell;
-        let other = beside(row).and_then(|other| other.figures.as_ref());
+        let other = sheet.other(row).and_then(|other| other.figures.as_ref());
         let own = latex_own(Some(row), [false; 3]).into_iter().zip(LATEX_ORDER);
         let fields = own.flat_map(|(own, i)| {
             let theirs = other.map(|other| FIGURES[i].numbers(other)[0]).filter(|v| v.is_finite());
@@ -116,7 +109,7 @@ Tuned & Method & RTE [cm] & RRE [$^\\circ$] & Recall [\\%] & RTE [cm] & RRE [$^\
 \\midrule
 ";
 
-/// In the paper's order of columns, as places in [`FIGURES`].
+/// Indices in [`FIGURES`] in the paper's order of columns.
 const LATEX_ORDER: [usize; 3] = [1, 2, 0];
 
 fn latex_rows(text: &mut String, protocol: Protocol, rows: &[&Row]) {
@@ -147,7 +140,7 @@ fn latex_rows(text: &mut String, protocol: Protocol, rows: &[&Row]) {
     }
 }
 
-/// Which of its figures no other row of its method and kind is better in; none where it is alone.
+/// For each figure, true when no other row of its method and scene is better; false without others.
 fn is_best(row: &Row, rows: &[&Row]) -> [bool; 3] {
     let is_rival = |other: &&&Row| {
         let same = (other.cell.method, other.cell.scene) == (row.cell.method, row.cell.scene);
@@ -155,7 +148,7 @@ fn is_best(row: &Row, rows: &[&Row]) -> [bool; 3] {
     };
     let value = |row: &Row, i: usize| {
         let value = row.figures.as_ref().map_or(f64::NAN, |figures| FIGURES[i].numbers(figures)[0]);
-        // Of recall the greatest is best.
+        // The greatest recall is best.
         if i == 0 { -value } else { value }
     };
     std::array::from_fn(|i| {
@@ -166,16 +159,16 @@ fn is_best(row: &Row, rows: &[&Row]) -> [bool; 3] {
     })
 }
 
-/// Each figure with its interval, by [`LATEX_ORDER`]; bold where `best`, which is by [`FIGURES`].
+/// Each figure with its interval, by [`LATEX_ORDER`]; bold where `best` (by [`FIGURES`]).
 fn latex_own(row: Option<&Row>, best: [bool; 3]) -> [String; 3] {
     LATEX_ORDER.map(|i| match row.and_then(|row| row.figures.as_ref()) {
         Some(figures) => {
             let [value, low, high] = FIGURES[i].numbers(figures);
-            let [told, low_told, high_told] = [value, low, high].map(|v| FIGURES[i].digits(v));
-            let told = if best[i] { format!("\\textbf{{{told}}}") } else { told };
+            let [text, low_text, high_text] = [value, low, high].map(|v| FIGURES[i].digits(v));
+            let text = if best[i] { format!("\\textbf{{{text}}}") } else { text };
             match (value.is_finite(), low.is_finite()) {
-                (true, true) => format!("{told} {{\\scriptsize [{low_told}, {high_told}]}}"),
-                (true, false) => told,
+                (true, true) => format!("{text} {{\\scriptsize [{low_text}, {high_text}]}}"),
+                (true, false) => text,
                 _ => "--".into(),
             }
         }

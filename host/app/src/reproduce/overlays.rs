@@ -1,4 +1,4 @@
-//! Scans and registers the pairs that figures show again, as their cells did.
+//! Repeats the scans and registrations of the pairs that figures show.
 
 use std::path::Path;
 
@@ -17,8 +17,8 @@ use echoloop_study::{
     Cell, Cells, Folder, LaidOn, Record, Seen, SeenPair, configuration, shown_pair,
 };
 
-/// A pair of each cell where both were tuned. What cannot be shown is said, and no failure: the
-/// table has no need of it.
+/// A pair of each cell where both were tuned. One that cannot be shown is listed with the reason;
+/// the table does not need it.
 pub(super) fn overlays(folder: &Folder, cells: &Cells) -> Seen {
     let mut seen = Seen::default();
     let is_done = |cell: &&Cell| cell.is_joint() && cells.run(cell).is_some();
@@ -35,10 +35,10 @@ pub(super) fn overlays(folder: &Folder, cells: &Cells) -> Seen {
     seen
 }
 
-/// Cells that cannot be shown, each with why.
+/// Cells that cannot be shown, each with the reason.
 type Unseen = Vec<(Cell, String)>;
 
-/// The pair of a cell, and the halves that it cannot be seen with; or why there is none to be seen.
+/// Pair of a cell, and the halves that cannot be shown; an error where no view can be shown.
 fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<(SeenPair, Unseen), Failure> {
     let (Some(joint), Some(start)) = (cells.record(cell), cells.record(&cell.untuned())) else {
         return Err(Failure::usage("the cell where nothing is tuned is missing"));
@@ -56,7 +56,7 @@ fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<(SeenPair, U
     let prepared = met.with(dataset);
     let noise = derive(prepared.config.seed, Purpose::TestNoise, index as u64);
     let pair = &prepared.dataset.test[0];
-    let looked = |parameters: &Parameters, record: &Record| {
+    let repeated = |parameters: &Parameters, record: &Record| {
         let registered = again(prepared.bench(), parameters, index, pair, noise)?;
         match is_as_recorded(&registered.error, record) {
             true => Ok(registered),
@@ -70,9 +70,9 @@ fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<(SeenPair, U
     let tuned = |record: &Record| -> Result<LaidOn, Failure> {
         let tuned = of_file(&folder.run_of(&record.cell).join(TUNED))?;
         let tuned = Parameters::start(&tuned, &hardware).map_err(Failure::usage)?;
-        Ok(laid(&looked(&tuned, record)?))
+        Ok(laid(&repeated(&tuned, record)?))
     };
-    let first = looked(&prepared.start, start)?;
+    let first = repeated(&prepared.start, start)?;
     let before = LaidOn::new(&first.clouds, &Pose::identity(), &pair.truth);
     let mut unseen = Unseen::new();
     let [lidar, registration] = cell.halves().map(|half| match tuned(cells.record(&half)?) {
@@ -90,7 +90,7 @@ fn of_file(path: &Path) -> Result<RunConfig, Failure> {
     load(Some(path), &[]).map_err(Failure::usage)
 }
 
-/// Scanned and registered with the noise that it was judged with.
+/// Scans and registers a pair with the noise of its evaluation.
 fn again(
     bench: Bench<'_>,
     parameters: &Parameters,
@@ -101,7 +101,7 @@ fn again(
     Ok(bench.register(parameters, index, pair, noise)?)
 }
 
-/// Whether a figure of it would show what the table tells.
+/// True when the error is the recorded one, so that the figure agrees with the table.
 fn is_as_recorded(error: &PairError, record: &Record) -> bool {
     record.summary.errors.iter().any(|recorded| recorded == error)
 }

@@ -1,4 +1,5 @@
-//! Runs cells, one after the other; what they share is traced and judged once.
+//! Runner of cells, one after the other: shared scans are traced once, shared starts evaluated
+//! once.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -24,25 +25,25 @@ use echoloop_closed_loop::run_folder::run::{HISTORY, RunFolder, RunResult};
 use echoloop_closed_loop::search::{Observer, Origin, TuneSearch, Tuned};
 use echoloop_study::{Base, Cell, Folder, Record, Times, Took, TrainedIn};
 
-/// Returns of all scans that are kept: more than so many, and the oldest scans go.
+/// Most returns of all scans kept; beyond it the oldest scans are dropped.
 const MOST_RETURNS: usize = 120_000_000;
 
-/// Runs the cells of a folder.
+/// Runner of the cells of a folder.
 pub(super) struct Runner<'a> {
     base: &'a Base,
     folder: &'a Folder,
     progress: &'a Progress,
     stop: &'a AtomicBool,
-    /// Traced pairs by what they are traced from, oldest first.
+    /// Traced pairs by the settings that they are traced from, oldest first.
     kept: Vec<(String, Dataset)>,
     times: Times,
 }
 
-/// A cell that is done, and the registrations that were made for it now.
+/// Record of a finished cell, and the registrations of this process.
 type Done = (Record, usize);
 
 impl<'a> Runner<'a> {
-    /// For a folder, with the times that it knows.
+    /// Runner for a folder, with the durations recorded there.
     pub(super) fn new(
         base: &'a Base,
         folder: &'a Folder,
@@ -53,15 +54,14 @@ impl<'a> Runner<'a> {
         Ok(Self { base, folder, progress, stop, kept: Vec::new(), times })
     }
 
-    /// Runs those cells that are not done. One that fails is told and kept as failed; the others go
-    /// on.
+    /// Runs the unfinished cells. A failure is reported and kept; the other cells go on.
     pub(super) fn run(&mut self, cells: &[Cell]) -> Result<(), Failure> {
         let (mut left, mut done) = (Vec::new(), 0);
         for cell in cells {
             match self.folder.record(cell) {
                 Ok(Some(_)) => done += 1,
                 Ok(None) => left.push((*cell, self.registrations(cell))),
-                // Whose it is, is not known: it is neither used nor overwritten.
+                // A record of something else is neither used nor overwritten.
                 Err(error) => self.progress.say(&format!("failed: {cell}: {error}")),
             }
         }
@@ -85,7 +85,7 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// Runs the first of those that are left.
+    /// Runs the first of the cells left.
     fn run_one(&mut self, left: &[(Cell, usize)], place: &str) -> Result<(), Failure> {
         let [(cell, registrations), ..] = left else { return Ok(()) };
         let rest = self.times.of(left);
@@ -112,7 +112,7 @@ impl<'a> Runner<'a> {
         Failure::new(INTERRUPTED, what)
     }
 
-    /// Registrations that a cell takes about; one that cannot run says so when it is its turn.
+    /// Approximate registrations of a cell; 0 for one that cannot run, which fails at its turn.
     fn registrations(&self, cell: &Cell) -> usize {
         let met = self.met(cell);
         met.map_or(0, |met| met.registrations() + met.config.data.test_pairs)
@@ -124,14 +124,14 @@ impl<'a> Runner<'a> {
         if cell.is_searched() { met.for_a_search() } else { Ok(met) }
     }
 
-    /// Everything that a cell needs.
+    /// Sensor, scans and search of a cell.
     fn prepared(&mut self, cell: &Cell) -> Result<Prepared, Failure> {
         let met = self.met(cell)?;
         let dataset = self.scans(cell, &met.config)?;
         Ok(met.with(dataset))
     }
 
-    /// What comes of a cell, the registrations that were made for it now, and the seconds.
+    /// Runs a cell: its record, the registrations of this process, the seconds.
     fn done(
         &self,
         cell: &Cell,
@@ -147,7 +147,7 @@ impl<'a> Runner<'a> {
         Ok((record, made, watch.elapsed().as_secs_f64()))
     }
 
-    /// The start alone.
+    /// Evaluates the start.
     fn judged(&self, cell: &Cell, prepared: &Prepared) -> Result<Done, Failure> {
         let search = prepared.search(self.stop);
         let summary = search.judge(&search.start, &Steps(self.progress))?;
@@ -157,7 +157,7 @@ impl<'a> Runner<'a> {
         Ok((record(cell, prepared, &start, summary), made))
     }
 
-    /// A search, from where its journal ends, and its judgement.
+    /// Searches from the end of the journal, and evaluates the choice.
     fn searched(&self, cell: &Cell, prepared: &Prepared) -> Result<Done, Failure> {
         let run = RunFolder::at(&self.folder.run_of(cell), &prepared.config)?;
         let search = prepared.search(self.stop);
@@ -179,7 +179,8 @@ impl<'a> Runner<'a> {
         Ok((record(cell, prepared, &chosen, after), made))
     }
 
-    /// The start on the held-out pairs: judged before as a cell of its own, if it is the same.
+    /// Summary of the start on the held-out pairs, from the record of the untuned cell if that is
+    /// the same.
     fn start_of(&self, cell: &Cell, search: &TuneSearch<'_>) -> Result<Summary, Failure> {
         let values = search.start.values(search.config);
         let is_same = |record: &Record| {
@@ -192,7 +193,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The run's own files, as `tune` writes them.
+    /// Writes the run's files, as `tune` does.
     fn write(
         &self,
         run: &RunFolder,
@@ -206,7 +207,7 @@ impl<'a> Runner<'a> {
         write_run(run, prepared, tuned, &result)
     }
 
-    /// The pairs of a cell; where it is trained elsewhere, only those to judge on are its own.
+    /// Pairs of a cell; of one trained elsewhere the held-out pairs alone are its own.
     fn scans(&mut self, cell: &Cell, config: &RunConfig) -> Result<Dataset, Failure> {
         let dataset = self.traced(config)?;
         match cell.trained_in(config) {
@@ -218,7 +219,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The pairs of a configuration, traced if no cell before had the same.
+    /// Pairs of a configuration, traced unless an earlier cell had the same.
     fn traced(&mut self, config: &RunConfig) -> Result<Dataset, Failure> {
         let key = traced_from(config);
         if let Some((_, dataset)) = self.kept.iter().find(|(kept, _)| *kept == key) {
@@ -233,8 +234,7 @@ impl<'a> Runner<'a> {
     }
 }
 
-/// What pairs are traced from: of a configuration all but what sensor, registration and search do
-/// with them.
+/// Settings that pairs are traced from: a configuration without sensor, registration and search.
 fn traced_from(config: &RunConfig) -> String {
     let usual = RunConfig::default();
     let mut of_scans = RunConfig {
@@ -255,7 +255,7 @@ fn returns(kept: &[(String, Dataset)]) -> usize {
     kept.iter().flat_map(|(_, dataset)| dataset.views()).map(|view| view.returns.len()).sum()
 }
 
-/// The journal of a run, begun or gone on with. Of one that was cut off the whole lines are kept.
+/// Journal of a run, created or resumed. Of a line that was cut off nothing is kept.
 fn journal(
     run: &RunFolder,
     search: &TuneSearch<'_>,
@@ -267,7 +267,7 @@ fn journal(
     }
 }
 
-/// Parameters, where they come from, and the generations and registrations it took.
+/// Parameters with their origin, and the generations and registrations of the search.
 struct Chosen<'a> {
     parameters: &'a Parameters,
     origin: &'a str,
@@ -295,7 +295,7 @@ fn record(cell: &Cell, prepared: &Prepared, chosen: &Chosen<'_>, summary: Summar
     }
 }
 
-/// Counts registrations, and says nothing of generations: there are thousands.
+/// Progress that counts registrations and reports no generations, as there are thousands.
 struct Steps<'a>(&'a Progress);
 
 impl Observer for Steps<'_> {
@@ -313,30 +313,23 @@ mod tests {
     #[test]
     fn cells_share_scans_unless_place_distance_or_scanner_differ() {
         let base = Base::paper(Vec::new());
-        let cell = Cell {
-            ablation: None,
-            by_hand: None,
-            ranges: Preset::Outdoor,
-            strategy: Some(Strategy::Paper),
-            protocol: Protocol::Joint,
-            method: TableMethod::Fgr,
-            scene: Scene::Structured,
-        };
+        let cell = Cell::start(Preset::Outdoor, TableMethod::Fgr, Scene::Structured)
+            .searched(Strategy::Paper, Protocol::Joint);
         let key = |cell: Cell| traced_from(&cell.config(&base).unwrap());
         let same = [
             Cell { ranges: Preset::Paper, ..cell },
             Cell { protocol: Protocol::Lidar, ..cell },
             Cell { method: TableMethod::Mac, ..cell },
             Cell { method: TableMethod::FgrOpen3d, ..cell },
-            Cell { ablation: Some(Ablation::Rain), ..cell },
-            Cell { ablation: Some(Ablation::TenthEnergy), ..cell },
+            Cell { ablation: Ablation::named("rain"), ..cell },
+            Cell { ablation: Ablation::named("tenth-energy"), ..cell },
         ];
         assert!(same.iter().all(|other| key(*other) == key(cell)));
         let others = [
             Cell { scene: Scene::Unstructured, ..cell },
             Cell { method: TableMethod::Icp, ..cell },
-            Cell { ablation: Some(Ablation::Motion), ..cell },
-            Cell { ablation: Some(Ablation::QuarterDensity), ..cell },
+            Cell { ablation: Ablation::named("motion"), ..cell },
+            Cell { ablation: Ablation::named("quarter-density"), ..cell },
         ];
         assert!(others.iter().all(|other| key(*other) != key(cell)));
     }

@@ -1,35 +1,24 @@
-//! The table as text and CSV.
+//! The table as text and as CSV.
 
 use std::fmt::Write as _;
 
 use super::super::exit::Failure;
 use super::super::table_format::aligned;
-use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
+use echoloop_closed_loop::config::preset::Protocol;
 use echoloop_study::{
-    Cell, FIGURES, Paired, RealRow, Row, Table, absent, name_of, real_lines, remarks, search,
-    subtitle, tuned, tuned_by,
+    Cell, FIGURES, Paired, Part, RealRow, Row, Sheet, Table, name_of, real_lines, remarks, search,
+    subtitle,
 };
 
-/// To read: a table for each range and search, then what has to be known.
+/// Text to read: a table for each sheet, then the remarks.
 pub(super) fn text(table: &Table) -> String {
     let mut text = format!("The paper's Table 1: {}\n", subtitle(table));
-    for (ranges, strategy) in table.searches() {
-        let rows = table.of_search(ranges, strategy);
-        let mut lines = vec![heads(&["method", "scene", "tuned"], "paper")];
-        lines.extend(rows.iter().map(|row| line(row)));
-        let _ = write!(text, "\n{}\n\n{}", sentence(ranges, strategy), aligned(&lines));
-    }
-    let by_hand = table.of_by_hand();
-    if !by_hand.is_empty() {
-        let mut lines = vec![heads(&["case", "ranges", "method", "scene"], "default")];
-        lines.extend(by_hand.iter().map(|row| by_hand_line(table, row)));
-        let _ = write!(text, "\nTuned by hand, as in the paper's Fig. 1\n\n{}", aligned(&lines));
-    }
-    let ablations = table.of_ablations();
-    if !ablations.is_empty() {
-        let mut lines = vec![heads(&["switch", "ranges", "method", "scene", "tuned"], "without")];
-        lines.extend(ablations.iter().map(|row| ablation_line(table, row)));
-        let _ = write!(text, "\nOne thing switched\n\n{}", aligned(&lines));
+    for sheet in table.sheets() {
+        let figures = FIGURES.iter().flat_map(|figure| [figure.title, sheet.part.reference()]);
+        let heads = sheet.part.heads().iter().copied().chain(figures).map(str::to_owned);
+        let lines = sheet.rows.iter().map(|row| line(&sheet, row));
+        let lines: Vec<Vec<String>> = [heads.collect()].into_iter().chain(lines).collect();
+        let _ = write!(text, "\n{}\n\n{}", title(sheet.part), aligned(&lines));
     }
     if !table.real.is_empty() {
         let _ = write!(text, "\nReal clouds\n\n{}", aligned(&real_lines(&table.real)));
@@ -41,59 +30,34 @@ pub(super) fn text(table: &Table) -> String {
     text
 }
 
-fn sentence(ranges: Preset, strategy: Option<Strategy>) -> String {
-    let text = search(ranges, strategy);
-    let mut letters = text.chars();
-    let first = letters.next().map(|first| first.to_uppercase().to_string());
-    first.unwrap_or_default() + letters.as_str()
+fn title(part: Part) -> String {
+    match part {
+        Part::Search(ranges, strategy) => {
+            let text = search(ranges, strategy);
+            let mut letters = text.chars();
+            let first = letters.next().map(|first| first.to_uppercase().to_string());
+            first.unwrap_or_default() + letters.as_str()
+        }
+        Part::ByHand => "Tuned by hand, as in the paper's Fig. 1".into(),
+        Part::Switches => "One thing switched".into(),
+    }
 }
 
-fn heads(names: &[&str], beside: &str) -> Vec<String> {
-    let figures = FIGURES.iter().flat_map(|figure| [figure.title, beside]);
-    names.iter().copied().chain(figures).map(str::to_owned).collect()
+/// Names of a row, then each figure with its interval, and the figure beside it.
+fn line(sheet: &Sheet<'_>, row: &Row) -> Vec<String> {
+    let figures = sheet.figures(row).into_iter().flat_map(|figure| {
+        let has_interval = row.figures.is_some() && !figure.within.is_empty();
+        let own = match has_interval {
+            true => format!("{} ({})", figure.value, figure.within),
+            false => figure.value,
+        };
+        [own, if figure.beside.is_empty() { "–".into() } else { figure.beside }]
+    });
+    sheet.names(row).into_iter().chain(figures).collect()
 }
 
-fn line(row: &Row) -> Vec<String> {
-    let cell = &row.cell;
-    let names = [cell.method.title().into(), name_of(cell.scene), tuned(cell).into()];
-    let theirs = |i: usize| row.paper.as_ref().map(|paper| FIGURES[i].theirs(paper));
-    names.into_iter().chain(figures(row, &theirs)).collect()
-}
-
-fn by_hand_line(table: &Table, row: &Row) -> Vec<String> {
-    let cell = &row.cell;
-    let case = cell.by_hand.map(name_of).unwrap_or_default();
-    let names = [case, name_of(cell.ranges), cell.method.title().into(), name_of(cell.scene)];
-    let start = table.row(&cell.untuned()).and_then(|row| row.figures);
-    let default = |i: usize| start.as_ref().map(|start| FIGURES[i].value(start));
-    names.into_iter().chain(figures(row, &default)).collect()
-}
-
-fn ablation_line(table: &Table, row: &Row) -> Vec<String> {
-    let cell = &row.cell;
-    let switch = cell.ablation.map(name_of).unwrap_or_default();
-    let (method, scene) = (cell.method.title().into(), name_of(cell.scene));
-    let names = [switch, name_of(cell.ranges), method, scene, tuned_by(cell)];
-    let plain = table.row(&cell.plain()).and_then(|row| row.figures);
-    let without = |i: usize| plain.as_ref().map(|plain| FIGURES[i].value(plain));
-    names.into_iter().chain(figures(row, &without)).collect()
-}
-
-/// Each figure with its interval, and what stands beside it.
-fn figures(row: &Row, beside: &dyn Fn(usize) -> Option<String>) -> Vec<String> {
-    let own = |i: usize| match &row.figures {
-        Some(figures) => match FIGURES[i].within(figures) {
-            within if within.is_empty() => FIGURES[i].value(figures),
-            within => format!("{} ({within})", FIGURES[i].value(figures)),
-        },
-        None => absent(row).to_owned(),
-    };
-    let both = |i: usize| [own(i), beside(i).unwrap_or_else(|| "–".into())];
-    (0..FIGURES.len()).flat_map(both).collect()
-}
-
-/// A line a cell, then one for each method and its settings on real clouds; what is unknown is an
-/// empty field.
+/// CSV: a line for each cell, then one for each method and its settings on real clouds. Unknown
+/// fields are empty.
 pub(super) fn csv(table: &Table) -> Result<String, Failure> {
     let mut lines = csv::Writer::from_writer(Vec::new());
     let names = ["ablation", "ranges", "strategy", "tuned", "method", "scene", "seed", "pairs"];
@@ -103,7 +67,7 @@ pub(super) fn csv(table: &Table) -> Result<String, Failure> {
     }
     let rest = ["registrations", "scans", "configuration", "error", "clouds", "version", "build"];
     head.extend(rest.map(str::to_owned));
-    // Joint tuning beside registration alone, on the same pairs.
+    // Joint tuning compared with registration alone, on the same pairs.
     head.extend(["", "_low", "_high"].map(|end| format!("rte_ratio{end}")));
     head.extend(["both", "gained", "lost"].map(str::to_owned));
     lines.write_record(head).map_err(Failure::run)?;
@@ -117,7 +81,7 @@ pub(super) fn csv(table: &Table) -> Result<String, Failure> {
     String::from_utf8(bytes).map_err(Failure::run)
 }
 
-/// Empty where it is none.
+/// A number; empty where it is not finite.
 fn number(value: f64) -> String {
     if value.is_finite() { value.to_string() } else { String::new() }
 }
@@ -157,8 +121,8 @@ fn csv_made_by(table: &Table) -> [String; 2] {
 }
 
 fn csv_beside(table: &Table, cell: &Cell) -> [String; 6] {
-    let is_asked = |p: &&Paired| p.cell == *cell && p.other.protocol == Protocol::Registration;
-    let Some(paired) = table.paired.iter().find(is_asked) else { return Default::default() };
+    let is_it = |p: &&Paired| p.cell == *cell && p.other.protocol == Protocol::Registration;
+    let Some(paired) = table.paired.iter().find(is_it) else { return Default::default() };
     let ratio = paired.translation_ratio.map(|ratio| {
         let [low, high] = ratio.interval;
         [ratio.value, low, high].map(number)
@@ -168,8 +132,8 @@ fn csv_beside(table: &Table, cell: &Cell) -> [String; 6] {
     [ratio, low, high, both, gained, lost]
 }
 
-/// Ranges, search, what was tuned and where are those of the cell that gave the settings; what was
-/// chosen from the clouds has none of them.
+/// Line of settings on real clouds. Ranges, search, protocol and scene are those of the cell that
+/// tuned the settings; settings chosen from the clouds have none.
 fn csv_real_line(table: &Table, row: &RealRow) -> Vec<String> {
     let cell = row.cell.as_ref();
     let mut line = vec![

@@ -5,8 +5,8 @@ use std::fmt;
 use serde::Serialize;
 
 use super::pairs::{Dataset, ScanPair};
-use crate::evaluation::summary::median;
 use echoloop_registration::pose::Pose;
+use echoloop_statistics::{median, quantile};
 
 /// What a set of pairs is like.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -52,12 +52,12 @@ impl Overlaps {
     pub fn new(overlaps: impl Iterator<Item = f64>) -> Self {
         let mut sorted: Vec<f64> = overlaps.collect();
         sorted.sort_by(f64::total_cmp);
-        let at = |share: f64| {
-            let index = (share * sorted.len().saturating_sub(1) as f64).round() as usize;
-            sorted.get(index).copied().unwrap_or(0.0)
-        };
-        let middle = if sorted.is_empty() { 0.0 } else { median(sorted.iter().copied()) };
-        Self { pairs: sorted.len(), overlap: [at(0.0), at(0.1), middle, at(0.9), at(1.0)] }
+        if sorted.is_empty() {
+            return Self { pairs: 0, overlap: [0.0; 5] };
+        }
+        let [least, low, high, greatest] = [0.0, 0.1, 0.9, 1.0].map(|s| quantile(&sorted, s));
+        let middle = median(sorted.iter().copied());
+        Self { pairs: sorted.len(), overlap: [least, low, middle, high, greatest] }
     }
 }
 

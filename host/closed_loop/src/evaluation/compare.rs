@@ -1,82 +1,49 @@
-//! Comparison of the errors and costs of two sets of parameters on the same pairs.
+//! Comparison of two sets of parameters on the same pairs: error and cost.
 
-use echoloop_random::Generator;
+use echoloop_statistics::{Estimate, mean, paired_difference};
 use serde::{Deserialize, Serialize};
 
 use crate::config::preset::ErrorMean;
 use crate::cost::{CostKind, ScanCost};
 use crate::evaluation::objective::{PairError, Worth};
 
-/// Samples that a bootstrap draws.
-const RESAMPLES: u64 = 2_000;
-
-/// "bootstrap" as a number: keeps these draws apart from those of other uses.
-const PURPOSE: u64 = 0x626f_6f74_7374_7261;
-
-/// The interval that holds the mean of such values with 95 %: percentile bootstrap (Efron and
-/// Tibshirani 1993, Ch. 13). Of none, no numbers.
-pub fn mean_interval(values: &[f64]) -> [f64; 2] {
-    let mean =
-        |drawn: &[usize]| drawn.iter().map(|&i| values[i]).sum::<f64>() / values.len() as f64;
-    bootstrap(values.len(), &mean)
-}
-
-/// The 95 % interval of a figure of `count` things, by percentiles of what it is of as many drawn
-/// from them with repetition. Draws that have no such figure are left out; where those are most,
-/// there is no interval, nor is there one of nothing.
-pub fn bootstrap(count: usize, figure: &dyn Fn(&[usize]) -> f64) -> [f64; 2] {
-    let resampled = |sample: u64| {
-        let mut random = Generator::from_key([sample, count as u64, 0, PURPOSE]);
-        figure(&(0..count).map(|_| random.index(count)).collect::<Vec<_>>())
-    };
-    let samples = if count == 0 { 0 } else { RESAMPLES };
-    let mut figures: Vec<f64> = (0..samples).map(resampled).filter(|f| f.is_finite()).collect();
-    if figures.len() <= RESAMPLES as usize / 2 {
-        return [f64::NAN; 2];
-    }
-    figures.sort_by(f64::total_cmp);
-    let at = |share: f64| figures[(share * (figures.len() - 1) as f64).round() as usize];
-    [at(0.025), at(0.975)]
-}
-
-/// ‖T_est − T*‖_F of each pair, at most `cap`.
+/// Loss of each pair: ‖T_est − T*‖_F, at most `cap`.
 pub fn worths(errors: &[PairError], cap: f64) -> Vec<f64> {
     let worth = Worth { mean: ErrorMean::Arithmetic, cap };
     errors.iter().map(|error| worth.loss(error)).collect()
 }
 
-/// Mean difference of the errors of two sets of parameters on the same pairs.
+/// Difference of two sets of parameters in the mean error over the same pairs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// Mean difference; below 0 the second set has smaller errors.
     pub difference: f64,
-    /// Its 95 % interval, by bootstrap over pairs.
+    /// 95 % interval of the difference, by bootstrap over pairs.
     pub interval: [f64; 2],
-    /// Mean of the first set; 0 in results written before it was kept.
+    /// Mean error of the first; 0 in older results, which lack it.
     #[serde(default)]
     pub reference: f64,
 }
 
-/// Errors are equal when the 95 % interval of their difference is within this share of the first.
+/// Two errors are called the same when the 95 % interval of their difference stays within this
+/// share of the first error.
 const SAME: f64 = 0.25;
 
 impl Comparison {
     /// Errors of the second set minus those of the first, each at most `cap` (0: no cap).
     pub fn new(first: &[PairError], second: &[PairError], cap: f64) -> Self {
         let (first, second) = (worths(first, cap), worths(second, cap));
-        let differences: Vec<f64> = first.iter().zip(&second).map(|(a, b)| b - a).collect();
-        let difference = differences.iter().sum::<f64>() / differences.len() as f64;
-        let reference = first.iter().sum::<f64>() / first.len() as f64;
-        Self { difference, interval: mean_interval(&differences), reference }
+        let Estimate { value: difference, interval } = paired_difference(&first, &second);
+        Self { difference, interval, reference: mean(&first) }
     }
 
-    /// True when the second set has significantly larger errors.
+    /// True when the second errs significantly more.
     pub fn is_worse(&self) -> bool {
         self.interval[0] > 0.0
     }
 
-    /// The comparison in words. Where the interval holds zero, errors are called equal only if it
-    /// is narrow: few pairs prove nothing.
+    /// The difference in words. An interval that holds 0 means "the same error" only when it is
+    /// narrow: few pairs prove nothing.
     pub fn error(&self) -> &'static str {
         match self.interval {
             [low, _] if low > 0.0 => "a higher error",
@@ -103,7 +70,7 @@ fn part(share: f64, of: &str) -> String {
     }
 }
 
-/// Two digits.
+/// A factor with two significant digits.
 fn times(factor: f64) -> String {
     if factor < 9.95 {
         return format!("{factor:.1}");
@@ -127,22 +94,6 @@ mod tests {
             iterations: 1,
         };
         values.iter().enumerate().map(error).collect()
-    }
-
-    #[test]
-    fn the_interval_of_a_mean_is_that_of_its_standard_error_and_holds_it_as_often_as_said() {
-        let mut random = Generator::new(3, 0);
-        let mut missed = 0;
-        for _ in 0..200 {
-            let values = random.normals(60);
-            let [low, high] = mean_interval(&values);
-            // 3.92 standard errors
-            assert!((0.7..1.4).contains(&((high - low) / (3.92 / libm::sqrt(60.0)))));
-            missed += u32::from(low > 0.0 || high < 0.0);
-        }
-        assert!((2..=24).contains(&missed), "{missed} of 200 miss the mean, 5 % should");
-        assert_eq!(mean_interval(&[2.5; 7]), [2.5, 2.5]);
-        assert!(mean_interval(&[]).iter().all(|end| end.is_nan()));
     }
 
     #[test]

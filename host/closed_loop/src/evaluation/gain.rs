@@ -1,28 +1,19 @@
-//! Gain of one set of parameters over another on the same pairs, and its significance.
+//! Gain of tuning on pairs that both sets of parameters were evaluated on, and its significance.
 
 use serde::Serialize;
 
 use crate::config::DataConfig;
-use crate::evaluation::compare::bootstrap;
 use crate::evaluation::objective::PairError;
-use crate::evaluation::summary::{Summary, median, succeeds};
-use echoloop_statistics::{coin, wilson};
+use crate::evaluation::summary::{Summary, succeeds};
+pub use echoloop_statistics::Estimate;
+use echoloop_statistics::{median, sign_test, wilson};
 
-/// Least number of pairs for a significant gain: five of five agree by chance in 1 of 16 cases
+/// Fewest pairs that can be significant: all five of five agree by chance in 1 of 16 cases
 /// (sign test, two-sided).
 const FEWEST: usize = 6;
 
-/// Significance level of the exact test.
+/// Significance level of the sign test.
 const LEVEL: f64 = 0.05;
-
-/// A figure and its 95 % interval; NaN where there is none, as for a mean without a success.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Estimate {
-    /// The figure.
-    pub value: f64,
-    /// Lower and upper end.
-    pub interval: [f64; 2],
-}
 
 /// Difference of a figure between two sets of parameters on the same pairs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -30,9 +21,8 @@ pub struct Difference {
     /// Second minus first, with its interval by bootstrap over pairs.
     #[serde(flatten)]
     pub estimate: Estimate,
-    /// True when the difference is significant: the interval excludes zero, there are at least six
-    /// pairs, and for recall McNemar's exact test agrees (a bootstrap of few changed pairs is too
-    /// narrow).
+    /// True when significant: the interval leaves zero out, there are at least six pairs, and for
+    /// recall McNemar's exact test agrees (a bootstrap of few changed pairs is too narrow).
     pub is_shown: bool,
 }
 
@@ -51,7 +41,7 @@ pub struct Figures<T> {
     pub median_rotation_deg: T,
 }
 
-/// A figure of some pairs of a summary, given by index; an index may repeat.
+/// A figure of some of a summary's pairs, by index; an index may be repeated.
 type Statistic = fn(&Judged<'_>, &[usize]) -> f64;
 
 /// Pairs, and the bounds of success.
@@ -78,18 +68,12 @@ impl Judged<'_> {
         median(drawn.iter().map(|&i| value(&self.errors[i])))
     }
 
-    fn all(&self) -> Vec<usize> {
-        (0..self.errors.len()).collect()
-    }
-
     fn estimate(&self, statistic: Statistic) -> Estimate {
-        let value = statistic(self, &self.all());
-        let interval = bootstrap(self.errors.len(), &|drawn| statistic(self, drawn));
-        Estimate { value, interval }
+        Estimate::by_bootstrap(self.errors.len(), &|drawn| statistic(self, drawn))
     }
 
     fn recall(&self) -> Estimate {
-        let value = RECALL(self, &self.all());
+        let value = RECALL(self, &(0..self.errors.len()).collect::<Vec<_>>());
         let interval = wilson(value / 100.0, self.errors.len() as f64).map(|end| 100.0 * end);
         Estimate { value, interval }
     }
@@ -144,17 +128,16 @@ impl Figures<Difference> {
 
 fn difference(pair: &[Judged<'_>; 2], count: usize, statistic: Statistic) -> Difference {
     let of = |drawn: &[usize]| statistic(&pair[1], drawn) - statistic(&pair[0], drawn);
-    let value = of(&(0..count).collect::<Vec<_>>());
-    let interval = bootstrap(count, &of);
-    let is_shown = count >= FEWEST && (interval[0] > 0.0 || interval[1] < 0.0);
-    Difference { estimate: Estimate { value, interval }, is_shown }
+    let estimate = Estimate::by_bootstrap(count, &of);
+    let [low, high] = estimate.interval;
+    Difference { estimate, is_shown: count >= FEWEST && (low > 0.0 || high < 0.0) }
 }
 
 fn mcnemar([first, second]: &[Judged<'_>; 2], count: usize) -> f64 {
     let changed = |from: &Judged<'_>, to: &Judged<'_>| {
         (0..count).filter(|&i| !from.succeeds(i) && to.succeeds(i)).count()
     };
-    coin(changed(first, second), changed(second, first))
+    sign_test(changed(first, second), changed(second, first))
 }
 
 #[cfg(test)]

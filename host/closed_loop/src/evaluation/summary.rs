@@ -1,5 +1,6 @@
 //! Summary of parameters on a set of pairs: recall and errors.
 
+pub(crate) use echoloop_statistics::median;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -65,17 +66,6 @@ impl Summary {
             cost: None,
             errors,
         }
-    }
-}
-
-/// Median; NaN for no values.
-pub fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_unstable_by(f64::total_cmp);
-    match sorted.len() {
-        0 => f64::NAN,
-        n if n % 2 == 1 => sorted[n / 2],
-        n => f64::midpoint(sorted[n / 2 - 1], sorted[n / 2]),
     }
 }
 

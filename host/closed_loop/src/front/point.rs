@@ -1,9 +1,10 @@
 //! The front as it is written down.
 
+use echoloop_statistics::{mean, mean_interval};
 use serde::{Deserialize, Serialize};
 
 use crate::cost::{CostKind, ScanCost};
-use crate::evaluation::compare::{Comparison, mean_interval, worths};
+use crate::evaluation::compare::{Comparison, worths};
 use crate::evaluation::summary::Summary;
 use crate::parameters::{Values, written_values};
 
@@ -107,7 +108,7 @@ impl Front {
 fn mark(summary: &Summary, cap: f64) -> Mark {
     let worths = worths(&summary.errors, cap);
     Mark {
-        error: worths.iter().sum::<f64>() / worths.len() as f64,
+        error: mean(&worths),
         interval: mean_interval(&worths),
         recall_pct: summary.recall_pct,
         median_translation_m: summary.median_translation_m,

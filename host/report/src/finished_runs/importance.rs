@@ -15,10 +15,10 @@
 use echoloop_random::Generator;
 
 use super::surrogate::{Kind, Sample, Surrogate, centred};
-use echoloop_closed_loop::evaluation::compare::bootstrap;
 use echoloop_closed_loop::parameters::{Values, choices, effective};
 use echoloop_closed_loop::run_folder::journal::Generation;
 use echoloop_closed_loop::run_folder::run::AxisRecord;
+use echoloop_statistics::bootstrap;
 
 /// Times that values are dealt anew.
 const DEALS: u64 = 8;

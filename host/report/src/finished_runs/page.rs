@@ -12,13 +12,14 @@ use echoloop_closed_loop::config::{DataConfig, FgrMode, TuneConfig};
 use echoloop_closed_loop::cost::{CostKind, ScanCost};
 use echoloop_closed_loop::evaluation::gain::{Difference, Estimate, Figures};
 use echoloop_closed_loop::evaluation::objective;
-use echoloop_closed_loop::evaluation::summary::{Summary, median};
+use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::front::{Front, Mark};
 use echoloop_closed_loop::parameters::{self, effective};
 use echoloop_closed_loop::run_folder::journal::Generation;
 use echoloop_closed_loop::run_folder::run::{AxisRecord, Background, RunResult, StageRecord};
 use echoloop_closed_loop::search::Origin;
 use echoloop_registration::cloud::Cloud;
+use echoloop_statistics::median;
 
 /// The page of a run, from its folder alone.
 ///

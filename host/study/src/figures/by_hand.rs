@@ -1,4 +1,4 @@
-//! Fig. 1: settings tuned by hand against the default and ours.
+//! Fig. 1: settings tuned by hand, the default, and our joint tuning.
 
 use super::super::axes::name_of;
 use super::super::by_hand::ByHand;
@@ -10,10 +10,11 @@ use super::missing::Missing;
 use super::search::Search;
 use echoloop_closed_loop::config::preset::Protocol;
 use echoloop_closed_loop::evaluation::objective::PairError;
-use echoloop_closed_loop::evaluation::summary::{median, succeeds};
+use echoloop_closed_loop::evaluation::summary::succeeds;
 use echoloop_report::{Panel, PanelDrawing, Plate, StripRow, Strips, fixed};
+use echoloop_statistics::median;
 
-/// The figure of a search; none where its method is not asked for.
+/// Figure of a search; none where its method is not selected.
 pub(super) fn plate(
     cells: &Cells,
     search: &Search,
@@ -47,7 +48,7 @@ fn drawn(cells: &Cells, search: &Search, missing: &Missing) -> Result<Plate, Str
     let is_there = |cell: &Cell| cell.by_hand.is_some() && cells.record(cell).is_some();
     if !all.iter().any(is_there) {
         let hands: Vec<Cell> = all.into_iter().filter(|cell| cell.by_hand.is_some()).collect();
-        let figure = format!("tuned by hand against ours (Fig. 1), {}", search.told());
+        let figure = format!("tuned by hand against ours (Fig. 1), {}", search.in_words());
         return Err(missing.of_all(&figure, &hands));
     }
     let mut panels = Vec::new();
@@ -70,7 +71,7 @@ fn drawn(cells: &Cells, search: &Search, missing: &Missing) -> Result<Plate, Str
     }
     Ok(Plate {
         name: format!("by-hand-{}", search.name()),
-        title: format!("Tuned by hand against ours (Fig. 1), {}", search.told()),
+        title: format!("Tuned by hand against ours (Fig. 1), {}", search.in_words()),
         caption: caption(cells, search, &all),
         missing: missing.of_some(all.len(), &absent),
         columns: scenes.len(),
@@ -80,18 +81,18 @@ fn drawn(cells: &Cells, search: &Search, missing: &Missing) -> Result<Plate, Str
 
 fn caption(cells: &Cells, search: &Search, all: &[Cell]) -> String {
     let cases = ByHand::ALL.map(|hand| {
-        format!("Case {} ({}): {}.", hand.number(), name_of(hand), hand.told(search.ranges))
+        format!("Case {} ({}): {}.", hand.number(), name_of(hand), hand.in_words(search.ranges))
     });
     format!(
         "The error of every held-out pair with the default, with three cases tuned by hand as the \
          paper describes them, and with both tuned by the search; at the right the recall. {} All \
          else is the default. {}",
         cases.join(" "),
-        cells.told(all)
+        cells.sources(all)
     )
 }
 
-/// A cell's row; empty where it is not done.
+/// Row of a cell; empty where it is not finished.
 fn row(cell: &Cell, record: Option<&Record>, part: &Part) -> StripRow {
     let name = match cell.by_hand {
         Some(hand) => format!("{} {}", hand.number(), name_of(hand)),

@@ -1,29 +1,29 @@
-//! What a folder has of the cells that figures are drawn from.
+//! Data of the cells that figures are drawn from.
 
 use super::super::cell::Cell;
 use super::super::folder::Folder;
 use super::super::plan::Plan;
 use super::super::record::Record;
-use super::super::selection::Asked;
+use super::super::selection::Selection;
 use super::super::table::Table;
 use super::search::Search;
 use echoloop_report::finished_runs::{FinishedRun, RunError};
 
-/// Records of cells that are done, and runs of their searches.
+/// Records of finished cells, and runs of their searches.
 #[derive(Clone, Debug)]
 pub struct Cells {
-    /// What they share.
+    /// Settings that the cells share.
     pub plan: Plan,
     searches: Vec<Search>,
     records: Vec<Record>,
     runs: Vec<(Cell, FinishedRun)>,
-    /// Of each record and each run that is there and cannot be used, why.
+    /// Reason for each record and each run that cannot be used.
     pub(super) unread: Vec<String>,
 }
 
 impl Cells {
-    /// Of the cells of a table; and of those set by hand, where the folder has them. A record that
-    /// cannot be used is left out, and told.
+    /// Reads the cells of a table, and the cases tuned by hand that the folder has. A record that
+    /// cannot be used is left out and reported.
     pub fn read(folder: &Folder, table: &Table) -> Self {
         let searches = table.searches().into_iter().map(|(ranges, strategy)| Search {
             ranges,
@@ -32,7 +32,7 @@ impl Cells {
         });
         let searches: Vec<Search> = searches.collect();
         let of_table = table.rows.iter().map(|row| row.cell).filter(Cell::is_of_the_table);
-        let all = of_table.chain(Asked::default().set_by_hand());
+        let all = of_table.chain(Selection::default().set_by_hand());
         let (mut records, mut unread) = (Vec::new(), Vec::new());
         for cell in all {
             match folder.record(&cell) {
@@ -53,25 +53,25 @@ impl Cells {
         Self { plan: folder.plan.clone(), searches, records, runs, unread }
     }
 
-    /// The ways to search.
+    /// The searches.
     pub fn searches(&self) -> Vec<Search> {
         self.searches.clone()
     }
 
-    /// What is kept of a cell that is done.
+    /// Record of a cell; none where it is not finished.
     pub fn record(&self, cell: &Cell) -> Option<&Record> {
         self.records.iter().find(|record| record.cell == *cell)
     }
 
-    /// The run of a cell's search, if it is that of its record.
+    /// Run of a cell's search, if its result is that of the record.
     pub fn run(&self, cell: &Cell) -> Option<&FinishedRun> {
         let record = self.record(cell)?;
         let (_, run) = self.runs.iter().find(|(of, _)| of == cell)?;
         (run.result.tuned == record.parameters).then_some(run)
     }
 
-    /// How many pairs each cell was judged on, and from how many cells something is drawn.
-    pub(super) fn told(&self, cells: &[Cell]) -> String {
+    /// Sentence with the number of cells drawn, the pairs of each and the seed.
+    pub(super) fn sources(&self, cells: &[Cell]) -> String {
         let done: Vec<&Record> = cells.iter().filter_map(|cell| self.record(cell)).collect();
         let pairs = done.first().map_or(0, |record| record.summary.pairs);
         format!(

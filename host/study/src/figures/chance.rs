@@ -1,4 +1,4 @@
-//! How strong the correlations of a search are that has learned nothing.
+//! Strength of the correlations of a search that learns from random numbers.
 
 use std::collections::BTreeMap;
 
@@ -7,27 +7,27 @@ use echoloop_random::{Generator, derive};
 
 use echoloop_closed_loop::search::CONSTANTS;
 
-/// Searches that are told chance instead of errors.
+/// Number of searches with random numbers for errors.
 const SEARCHES: u64 = 32;
 
-/// Share of their correlations that are no stronger than what is taken for chance.
+/// Share of their correlations below the strength that counts as chance.
 const QUANTILE: f64 = 0.95;
 
 /// "null" as a number: keeps these draws apart from those of other uses.
 const PURPOSE: u64 = 0x6e75_6c6c;
 
-/// More generations leave no more chance: what is learned is forgotten as fast.
+/// Most generations: with more, the correlations grow no stronger.
 const MOST_GENERATIONS: u32 = 1000;
 
-/// More candidates than a search is made with.
+/// Bound on the candidates of a generation.
 const MOST_CANDIDATES: usize = 2000;
 
-/// A search without its errors.
+/// Settings of a search, without its errors.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct BlindSearch {
-    /// Of each axis that a choice is made on, the number of its names.
+    /// For each axis, the number of names that it chooses among; none of a number.
     pub(super) choices: Vec<Option<usize>>,
-    /// Start of the step size.
+    /// Initial step size.
     pub(super) sigma: f64,
     /// Candidates a generation.
     pub(super) population: usize,
@@ -35,13 +35,13 @@ pub(super) struct BlindSearch {
     pub(super) generations: u32,
 }
 
-/// What was found for each search before.
+/// Strengths computed so far, by search.
 #[derive(Default)]
 pub(super) struct Chance(BTreeMap<String, f64>);
 
 impl Chance {
-    /// The strength that 95 % of the correlations stay below, of the same search when a random
-    /// number stands for each error; infinite where such a search cannot run.
+    /// Strength that 95 % of the correlations stay below when the same search gets a random number
+    /// for each error; infinite where such a search cannot run.
     pub(super) fn of(&mut self, search: &BlindSearch) -> f64 {
         *self.0.entry(format!("{search:?}")).or_insert_with(|| quantile(search))
     }
@@ -55,7 +55,7 @@ fn quantile(search: &BlindSearch) -> f64 {
     all.get(at).copied().unwrap_or(f64::INFINITY)
 }
 
-/// The correlations of one such search, choices left out: those are drawn apart from all others.
+/// Correlations of one such search, without choices, which are drawn independently.
 fn strengths(search: &BlindSearch, seed: u64) -> Option<Vec<f64>> {
     if search.population > MOST_CANDIDATES {
         return None;
@@ -73,8 +73,8 @@ fn strengths(search: &BlindSearch, seed: u64) -> Option<Vec<f64>> {
     let mut optimizer = CmaEs::new(config).ok()?;
     let mut chance = Generator::new(derive(seed, PURPOSE, 1), 0);
     while optimizer.stop().is_none() {
-        let told: Vec<f64> = optimizer.ask().iter().map(|_| chance.range(0.0, 1.0)).collect();
-        optimizer.tell(&told).ok()?;
+        let fitness: Vec<f64> = optimizer.ask().iter().map(|_| chance.range(0.0, 1.0)).collect();
+        optimizer.tell(&fitness).ok()?;
     }
     let correlations = optimizer.correlations();
     let reals: Vec<usize> =

@@ -1,4 +1,4 @@
-//! How errors are distributed on the held-out pairs, a curve for each protocol.
+//! Distribution of the errors on the held-out pairs, a curve for each protocol.
 
 use super::super::axes::name_of;
 use super::super::cell::Cell;
@@ -13,11 +13,11 @@ use echoloop_report::{Panel, PanelDrawing, Plate, Series, ShareCurve, Shares};
 
 /// A part of a pose error.
 pub(super) struct Part {
-    /// In files' names.
+    /// Name in files.
     pub(super) name: &'static str,
-    /// With its unit.
+    /// Caption of the axis, with the unit.
     pub(super) axis: &'static str,
-    /// Errors below this are drawn there, in its unit.
+    /// Errors below this are drawn at it.
     floor: f64,
     pub(super) read: fn(&PairError) -> f64,
     pub(super) bound: fn(&DataConfig) -> f64,
@@ -42,7 +42,7 @@ pub(super) const PARTS: [Part; 2] = [
 ];
 
 impl Part {
-    /// Ends of a logarithmic axis that has these errors, the bound, and a tenth of it.
+    /// Ends of a logarithmic axis with room for the errors, the bound, and a tenth of it.
     pub(super) fn span(&self, errors: impl Iterator<Item = f64>, bound: f64) -> [f64; 2] {
         let known = errors.filter(|error| error.is_finite()).map(|error| error.max(self.floor));
         let ends = (0.1 * bound, bound);
@@ -60,9 +60,9 @@ pub(super) fn series(protocol: Protocol) -> Series {
     }
 }
 
-/// The figure of a search: a row a method and part, a column a kind of country.
+/// Figure of a search: a row for each method and part, a column for each scene.
 pub(super) fn plate(cells: &Cells, search: &Search, missing: &Missing) -> Result<Plate, String> {
-    let figure = format!("errors by protocol, {}", search.told());
+    let figure = format!("errors by protocol, {}", search.in_words());
     let (done, absent): (Vec<Cell>, Vec<Cell>) =
         search.cells.iter().partition(|cell| cells.record(cell).is_some());
     if done.is_empty() {
@@ -107,13 +107,12 @@ pub(super) fn plate(cells: &Cells, search: &Search, missing: &Missing) -> Result
     }
     Ok(Plate {
         name: format!("errors-{}", search.name()),
-        title: format!("Errors on the held-out pairs, {}", search.told()),
+        title: format!("Errors on the held-out pairs, {}", search.in_words()),
         caption: format!(
-            "Share of all pairs that come out with at most this error, those that failed among \
-             them, by what was tuned. The line is the bound of success; who is found is within \
-             both, of translation and rotation. Where curves are one, the dashed lie on the full. \
-             {}",
-            cells.told(&search.cells)
+            "Share of all pairs, failed ones included, with at most this error, by what was tuned. \
+             The line is the bound of success; a pair that is found is within both, of translation \
+             and of rotation. Where curves coincide, the dashed lie on the full. {}",
+            cells.sources(&search.cells)
         ),
         missing: missing.of_some(search.cells.len(), &absent),
         columns: scenes.len(),
@@ -121,7 +120,7 @@ pub(super) fn plate(cells: &Cells, search: &Search, missing: &Missing) -> Result
     })
 }
 
-/// Of each pair its error, whether it was found or not.
+/// Errors of all pairs, found or not.
 fn all(record: &Record, part: &Part) -> impl Iterator<Item = f64> {
     record.summary.errors.iter().map(part.read)
 }

@@ -1,4 +1,4 @@
-//! Fig. 1: how parameters interact, as the search that tunes both together has it.
+//! Fig. 1: interactions of parameters, from the covariance of the joint search.
 
 use super::super::axes::name_of;
 use super::super::cell::Cell;
@@ -12,10 +12,10 @@ use echoloop_closed_loop::run_folder::run::Background;
 use echoloop_report::finished_runs::FinishedRun;
 use echoloop_report::{Correlation, Moved, Panel, PanelDrawing, Plate, fixed, significant};
 
-/// More parameters than there are at all: a file that says so is none of ours.
+/// Bound on the number of parameters; a file with more is not ours.
 const MOST_NAMES: usize = 100;
 
-/// A figure for each cell where both were tuned, and what is said of those that are missing.
+/// A figure for each cell where both were tuned, and a sentence about those that are missing.
 pub(super) fn plates(
     cells: &Cells,
     search: &Search,
@@ -34,7 +34,7 @@ pub(super) fn plates(
             "{} of {} maps of how parameters interact (Fig. 1), {}",
             absent.len(),
             joint.len(),
-            search.told()
+            search.in_words()
         );
         all.push(Err(missing.of_all(&figure, &absent)));
     }
@@ -49,17 +49,17 @@ fn plate(cells: &Cells, search: &Search, cell: &Cell, chance: &mut Chance) -> Op
     let of = format!("{}, {}", cell.method.title(), name_of(cell.scene));
     let (name, strength) = (format!("interactions-{}", search_cell(search, cell)), moved.chance);
     let stage = background.stages.last()?;
-    let title = format!("How parameters interact (Fig. 1): {of}, {}", search.told());
+    let title = format!("How parameters interact (Fig. 1): {of}, {}", search.in_words());
     Some(Plate {
         title: title.clone(),
         caption: format!(
-            "Correlations of what the search draws from at its end, D^−1/2 C D^−1/2 of CMA-ES: red \
-             where two parameters grew together, blue where one grew as the other fell. Sensor's \
-             before the lines, registration's behind. Grey is no stronger than {}, which 95 % of \
-             the correlations stay below when the same search ({} generations of {} candidates) is \
-             told random numbers for errors; {learned} of {all} are stronger, and chance alone \
-             leaves about {}. They tell where good candidates lay in one run, not how a parameter \
-             acts on the error. From the cell {}.",
+            "Correlations of the search distribution at its end, D^−1/2 C D^−1/2 of CMA-ES: red \
+             where two parameters grew together, blue where one grew as the other fell. Parameters \
+             of the sensor come before the lines, those of registration after. Grey is no stronger \
+             than {}, which 95 % of the correlations stay below when the same search ({} \
+             generations of {} candidates) gets random numbers for errors; {learned} of {all} are \
+             stronger, and by chance about {} would be. Correlations show where good candidates \
+             lay in one run, not the effect of a parameter on the error. From the cell {}.",
             significant(strength),
             stage.generations,
             stage.population,
@@ -89,9 +89,9 @@ fn moved(run: &FinishedRun, background: &Background, chance: &mut Chance) -> Opt
         return None;
     }
     let stage = background.stages.last()?;
-    // The paper's way to search knows no choices.
-    let knows_choices = run.config.tune.strategy == Strategy::Fast;
-    let count = |name: &String| Some(choices(name).len()).filter(|&n| n > 0 && knows_choices);
+    // The paper's search has no choices among names.
+    let has_choices = run.config.tune.strategy == Strategy::Fast;
+    let count = |name: &String| Some(choices(name).len()).filter(|&n| n > 0 && has_choices);
     let blind = BlindSearch {
         choices: names.iter().map(count).collect(),
         sigma: run.config.tune.sigma,

@@ -1,4 +1,4 @@
-//! What is missing of a figure, and the command that runs it.
+//! Sentences about missing cells, with the command that runs them.
 
 use clap::ValueEnum;
 
@@ -6,14 +6,14 @@ use super::super::axes::name_of;
 use super::super::cell::{Base, Cell};
 use super::super::plan::Plan;
 
-/// Says what is missing of a folder's cells.
+/// Wording for missing cells of a folder.
 pub(super) struct Missing {
-    /// The command of the folder, without what says which cells.
+    /// Command of the folder, without the flags that select cells.
     command: String,
 }
 
 impl Missing {
-    /// Of a folder: the command has the settings in which it differs from the usual ones.
+    /// Wording for a folder of this plan, whose unusual settings the command repeats.
     pub(super) fn of(plan: &Plan) -> Self {
         let usual = Base::usual(plan.quick).config().map(|config| Plan::new(&config, plan.quick));
         let usual = usual.map(|plan| plan.settings).unwrap_or_default();
@@ -29,7 +29,7 @@ impl Missing {
         Self { command: format!("echoloop reproduce{quick}{}", set.collect::<String>()) }
     }
 
-    /// What is missing of some cells; nothing where all are done.
+    /// Sentence about the missing cells of a figure; empty where none is missing.
     pub(super) fn of_some(&self, all: usize, missing: &[Cell]) -> String {
         match missing.len() {
             0 => String::new(),
@@ -38,7 +38,7 @@ impl Missing {
         }
     }
 
-    /// Why a figure is left out that has no cell.
+    /// Sentence about a figure without any cell.
     pub(super) fn of_all(&self, figure: &str, missing: &[Cell]) -> String {
         format!("Left out: {figure}. No cell for it is done; {}", self.runs(missing))
     }
@@ -48,7 +48,7 @@ impl Missing {
     }
 }
 
-/// The flags for some cells: along each axis those values that they have.
+/// Flags that select some cells: along each axis the values that they have.
 fn axes(cells: &[Cell]) -> String {
     let by_hand = cells.iter().any(|cell| cell.by_hand.is_some());
     let flag = |name: &str, values: Vec<String>| match values.is_empty() {
@@ -66,13 +66,13 @@ fn axes(cells: &[Cell]) -> String {
     .concat()
 }
 
-/// Names of the values that cells have along an axis, in its order.
+/// Names of the values that cells have along an axis, in the axis' order.
 fn values<T: ValueEnum + PartialEq>(cells: &[Cell], of: fn(&Cell) -> Option<T>) -> Vec<String> {
     let has = |value: &&T| cells.iter().any(|cell| of(cell).as_ref() == Some(*value));
     T::value_variants().iter().filter(has).map(|value| name_of(value.clone())).collect()
 }
 
-/// For a shell.
+/// Text quoted for a shell.
 fn quoted(text: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "._-=/,".contains(c);
     if text.chars().all(is_plain) {

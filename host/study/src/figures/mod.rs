@@ -1,11 +1,11 @@
 //! The paper's figures, from the cells of a folder.
 //!
-//! 1. [`Cells::read`] takes what is kept: records of cells that are done, runs of their searches.
-//! 2. Each figure is a file here: what it needs is asked of [`Cells`], and what of that is missing
-//!    is said with the command that runs it.
-//! 3. [`figures()`] puts them in the paper's order, for each way to search in the table.
+//! 1. [`Cells::read`] reads the records of finished cells and the runs of their searches.
+//! 2. Each figure is a file here. It takes its data from [`Cells`]; of missing data it names the
+//!    command that makes it.
+//! 3. [`figures()`] puts them in the paper's order, for each search in the table.
 //!
-//! Nothing here scans: clouds come from the command line, which has a sensor.
+//! Nothing here scans: clouds come from `echoloop reproduce`, which has a sensor.
 
 mod by_hand;
 mod cells;
@@ -29,12 +29,12 @@ use missing::Missing;
 pub struct Figures {
     /// In the paper's order.
     pub plates: Vec<Plate>,
-    /// Of each that is left out, why, and which command runs its cells.
+    /// For each figure left out, the reason and the command that runs its cells.
     pub left_out: Vec<String>,
 }
 
 impl Figures {
-    /// Takes a figure, or why there is none.
+    /// Adds a figure, or the reason why there is none.
     fn add(&mut self, figure: Result<Plate, String>) {
         match figure {
             Ok(plate) => self.plates.push(plate),
@@ -43,7 +43,7 @@ impl Figures {
     }
 }
 
-/// All figures of a table, and the pairs that were looked at.
+/// All figures of a table, with the pairs that were scanned again.
 pub fn figures(cells: &Cells, seen: &Seen) -> Figures {
     let mut all = Figures { left_out: cells.unread.clone(), ..Figures::default() };
     let missing = Missing::of(&cells.plan);

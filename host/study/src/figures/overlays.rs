@@ -1,4 +1,4 @@
-//! A held-out pair of each kind of country from above, before and after registration.
+//! A held-out pair of each scene from above, before and after registration.
 
 use super::super::axes::{TableMethod, name_of};
 use super::super::cell::Cell;
@@ -6,21 +6,21 @@ use super::super::record::Record;
 use super::cells::Cells;
 use super::missing::Missing;
 use super::search::Search;
-use echoloop_closed_loop::evaluation::summary::median;
 use echoloop_registration::cloud::Cloud;
 use echoloop_registration::pose::{Pose, rotation_error_deg, translation_error_m};
 use echoloop_report::{Overlay, Panel, PanelDrawing, Plate, fixed};
+use echoloop_statistics::median;
 
-/// Half of the side of what is seen, m.
+/// Half of the side of a panel, m.
 const HALF_M: f64 = 16.0;
 
-/// Length of the bar that tells the scale, m.
+/// Length of the scale bar, m.
 const BAR_M: f64 = 5.0;
 
-/// Points of the target nearer than this to its sensor, m, say where the middle is.
+/// The panel is centred on the target's points nearer than this to its sensor, m.
 const NEAR_M: f64 = 25.0;
 
-/// Points lower than this under their sensor, m, are the ground around it, and left out.
+/// Points lower than this below their sensor, m, are ground and left out.
 const GROUND_M: f64 = -1.4;
 
 /// A pair that was scanned and registered again.
@@ -28,22 +28,22 @@ const GROUND_M: f64 = -1.4;
 pub struct SeenPair {
     /// The cell where both were tuned.
     pub cell: Cell,
-    /// Its number among the held-out pairs.
+    /// Index among the held-out pairs.
     pub pair: usize,
-    /// Before registration, with the default, with the LiDAR tuned, registration, both; none of a
-    /// half that is not done, or cannot be shown.
+    /// Before registration; with the default, the LiDAR tuned, registration tuned, both. `None`
+    /// where a half is unfinished or cannot be shown.
     pub views: [Option<LaidOn>; 5],
 }
 
-/// What the views of a pair are called.
+/// Names of the views of a pair.
 const STEPS: [&str; 5] = ["before", "default", "LiDAR tuned", "registration tuned", "both tuned"];
 
-/// What came of looking at pairs again.
+/// Pairs that were scanned and registered again.
 #[derive(Clone, Debug, Default)]
 pub struct Seen {
     /// The pairs.
     pub pairs: Vec<SeenPair>,
-    /// Cells that are done and whose pair cannot be shown, with why.
+    /// Finished cells whose pair cannot be shown, with the reason.
     pub unseen: Vec<(Cell, String)>,
 }
 
@@ -60,7 +60,7 @@ pub struct LaidOn {
 }
 
 impl LaidOn {
-    /// Clouds, each in its sensor's frame, laid on each other by a motion.
+    /// Lays the source on the target by a motion; each cloud is in its sensor's frame.
     pub fn new([target, source]: &[Cloud; 2], target_from_source: &Pose, truth: &Pose) -> Self {
         let above = |cloud: &Cloud, pose: &Pose| -> Vec<[f64; 2]> {
             let points = cloud.points.iter().filter(|point| f64::from(point.z) > GROUND_M);
@@ -75,15 +75,14 @@ impl LaidOn {
     }
 }
 
-/// The pair to show of a cell: of all, sorted by ‖T − T*‖_F, the one in the middle; of an even
-/// number the better of the two.
+/// Index of the pair of median error ‖T − T*‖_F; of an even number the better of the two.
 pub fn shown_pair(record: &Record) -> Option<usize> {
     let mut errors: Vec<_> = record.summary.errors.iter().collect();
     errors.sort_by(|a, b| a.frobenius.total_cmp(&b.frobenius).then(a.pair.cmp(&b.pair)));
     errors.get(errors.len().checked_sub(1)? / 2).map(|error| error.pair)
 }
 
-/// A figure for each method, or why there is none.
+/// A figure for each method, or the reason why there is none.
 pub(super) fn plates(
     cells: &Cells,
     search: &Search,
@@ -115,27 +114,27 @@ fn plate(
     let unseen = seen.unseen.iter().filter(|(cell, _)| is_own(cell));
     let unseen: Vec<String> = unseen.map(|(cell, why)| format!("{cell}: {why}.")).collect();
     if pairs.is_empty() {
-        let figure = format!("registered clouds, {}, {}", method.title(), search.told());
+        let figure = format!("registered clouds, {}, {}", method.title(), search.in_words());
         return Err(match unseen.is_empty() {
             true => missing.of_all(&figure, &absent),
             false => format!("Left out: {figure}. {}", unseen.join(" ")),
         });
     }
-    let told = pairs.iter().map(|pair| format!("{} pair {}", name_of(pair.cell.scene), pair.pair));
+    let names = pairs.iter().map(|pair| format!("{} pair {}", name_of(pair.cell.scene), pair.pair));
     let missing = missing.of_some(joint.len(), &absent);
     Ok(Plate {
         name: format!("overlays-{}-{}", search.name(), name_of(method)),
-        title: format!("Registered clouds: {}, {}", method.title(), search.told()),
+        title: format!("Registered clouds: {}, {}", method.title(), search.in_words()),
         caption: format!(
-            "A held-out pair of each kind from above: as scanned with the default, registered with \
-             the default, and scanned and registered with the LiDAR tuned, registration, and both. \
-             It is the pair of median error with both tuned ({}). Seen are {} m around the middle \
-             of the target; points more than {} m below their sensor, the ground around it, are \
-             left out. {}",
-            told.collect::<Vec<_>>().join(", "),
+            "A held-out pair of each scene from above: as scanned with the default, registered \
+             with the default, and scanned and registered with the LiDAR tuned, registration tuned, \
+             and both. It is the pair of median error with both tuned ({}). A panel is {} m wide \
+             around the middle of the target; points more than {} m below their sensor (the \
+             ground) are left out. {}",
+            names.collect::<Vec<_>>().join(", "),
             2.0 * HALF_M,
             -GROUND_M,
-            cells.told(joint)
+            cells.sources(joint)
         ),
         missing: [vec![missing], unseen].concat().join(" ").trim().to_owned(),
         columns: STEPS.len(),
@@ -172,7 +171,7 @@ fn panels(search: &Search, pair: &SeenPair) -> Vec<Panel> {
     STEPS.into_iter().zip(&pair.views).map(panel).collect()
 }
 
-/// The median of the points that are seen around the sensor, on either axis.
+/// Median of the target's points around the sensor, on either axis.
 fn middle(target: &[[f64; 2]]) -> [f64; 2] {
     let near = |point: &&[f64; 2]| point[0].hypot(point[1]) < NEAR_M;
     let along = |axis: usize| median(target.iter().filter(near).map(|point| point[axis]));

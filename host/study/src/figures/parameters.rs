@@ -1,4 +1,4 @@
-//! What was chosen of each parameter, by kind of country.
+//! Values chosen for each parameter, by scene.
 
 use super::super::axes::{Scene, TableMethod, name_of};
 use super::super::cell::Cell;
@@ -21,7 +21,7 @@ pub(super) fn plates(
     methods.filter_map(|method| plate(cells, search, method, missing)).collect()
 }
 
-/// None where no search of the method is asked for.
+/// Figure of a method; none where no search of it is selected.
 fn plate(
     cells: &Cells,
     search: &Search,
@@ -37,18 +37,18 @@ fn plate(
         wanted.iter().partition(|cell| cells.run(cell).is_some());
     let axes = axes(cells, &done);
     if axes.is_empty() {
-        let figure = format!("what was chosen, {}, {}", method.title(), search.told());
+        let figure = format!("what was chosen, {}, {}", method.title(), search.in_words());
         return Some(Err(missing.of_all(&figure, &wanted)));
     }
     let panel = |axis: &AxisRecord| panel(cells, search, &done, axis);
     Some(Ok(Plate {
         name: format!("parameters-{}-{}", search.name(), name_of(method)),
-        title: format!("What was chosen: {}, {}", method.title(), search.told()),
+        title: format!("What was chosen: {}, {}", method.title(), search.in_words()),
         caption: format!(
-            "Every parameter that was searched over its range, which is logarithmic where the \
-             search is: where all searches start (dashed), and what each chose in each kind of \
-             country. A dot at an end asks for a wider range. {}",
-            cells.told(&wanted)
+            "Every searched parameter over its range, with a logarithmic axis where the search is \
+             logarithmic: the start of all searches (dashed), and the value that each chose in \
+             each scene. A dot at an end suggests a wider range. {}",
+            cells.sources(&wanted)
         ),
         missing: missing.of_some(wanted.len(), &absent),
         columns: 3,
@@ -56,7 +56,7 @@ fn plate(
     }))
 }
 
-/// The axes of all searches, each once: the sensor's first.
+/// Axes of all searches, each once, the sensor's first.
 fn axes(cells: &Cells, done: &[Cell]) -> Vec<AxisRecord> {
     let mut all: Vec<AxisRecord> = Vec::new();
     for cell in done {
@@ -105,14 +105,14 @@ fn panel(cells: &Cells, search: &Search, done: &[Cell], record: &AxisRecord) -> 
     }
 }
 
-/// 1, 2, 4, … where these are all values there are.
+/// The values 1, 2, 4, … of an axis of powers of two; empty for others.
 fn powers(record: &AxisRecord) -> Vec<f64> {
     let is_power = record.scale == Scale::PowerOfTwo;
     let all = std::iter::successors(Some(record.min), |value| Some(2.0 * value));
     all.take_while(|value| is_power && *value <= record.max).take(32).collect()
 }
 
-/// What each search chose that moved the parameter.
+/// Values that the searches chose which moved the parameter.
 fn lane(cells: &Cells, done: &[Cell], scene: Scene, record: &AxisRecord) -> ChosenLane {
     let mark = |cell: &Cell| {
         let run = cells.run(cell)?;
