@@ -14,9 +14,9 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use echoloop_statistics::{Estimate, mean_of_groups};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde::de::{DeserializeOwned, Error as _};
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::{Map, Value};
 
 use crate::record::{append, echoloop, lines, printed, stamp};
 use crate::shell::{built, cargo, commit, workspace};
@@ -72,14 +72,29 @@ enum Word {
 }
 
 /// A finished run: a line of a record.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Line<T> {
-    #[serde(alias = "asked")]
     pub(crate) cell: Cell,
     /// Day and commit.
     pub(crate) made: String,
     #[serde(flatten)]
     pub(crate) result: T,
+}
+
+/// By hand: the derived form of `flatten` reads no floats where another crate of the build turns on
+/// serde_json's `arbitrary_precision`.
+impl<'de, T: DeserializeOwned> Deserialize<'de> for Line<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut members = Map::deserialize(deserializer)?;
+        let cell = members.remove("cell").or_else(|| members.remove("asked"));
+        let cell = cell.ok_or_else(|| D::Error::missing_field("cell"))?;
+        let made = members.remove("made").ok_or_else(|| D::Error::missing_field("made"))?;
+        Ok(Self {
+            cell: serde_json::from_value(cell).map_err(D::Error::custom)?,
+            made: serde_json::from_value(made).map_err(D::Error::custom)?,
+            result: serde_json::from_value(Value::Object(members)).map_err(D::Error::custom)?,
+        })
+    }
 }
 
 impl Plan {
