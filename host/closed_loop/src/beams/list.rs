@@ -9,6 +9,7 @@ use std::sync::Arc;
 use crc::{CRC_32_ISCSI, Crc};
 use csv::{ByteRecord, ReaderBuilder};
 use echoloop_dsp::BeamTable;
+use echoloop_dsp::scan_pattern::exact_unit;
 use echoloop_files::{shown, shown_most};
 
 use echoloop_sensors::pattern::MOST_IN_ALL;
@@ -140,6 +141,12 @@ impl BeamList {
 }
 
 impl ListedBeam {
+    /// Unit vector, sensor frame: x ahead, y left, z up.
+    pub(super) fn exact_unit(&self) -> [f64; 3] {
+        let [azimuth, elevation] = [self.azimuth_udeg, self.elevation_udeg];
+        exact_unit(f64::from(azimuth) / 1e6, f64::from(elevation) / 1e6)
+    }
+
     /// What two beams that are alike have in common: the direction, however it is written, and the
     /// time.
     fn alike(&self) -> (i32, i32, u64) {

@@ -51,13 +51,8 @@ impl Scanner {
     /// One whose scans take so long, s, or as long as the pattern's beams do by themselves; 0: the
     /// pattern leaves that open.
     pub fn new(hardware: Hardware, pattern: &ScanPattern, duration_s: f64) -> Self {
-        let own_s = match pattern {
-            ScanPattern::Rosette(rosette) => {
-                f64::from(rosette.beams) / f64::from(rosette.rate_hz.max(1))
-            }
-            _ => 0.0,
-        };
-        Self { hardware, beams: pattern.beams(), duration_s: own_s.max(duration_s) }
+        let duration_s = pattern.duration_s().max(duration_s);
+        Self { hardware, beams: pattern.beams(), duration_s }
     }
 
     /// What a scan cost that found these echoes.
