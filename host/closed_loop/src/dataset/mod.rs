@@ -19,7 +19,7 @@ use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{BeamOptics, Scanner};
 use echoloop_sim::scene::{Material, Scene};
 use echoloop_sim::viewpoint::{
-    PairPlan, PosePair, Sight, Split, ViewpointError, sample_pairs_aloud,
+    PairPlan, PosePair, Sight, Split, ViewpointError, sample_pairs_between,
 };
 use thiserror::Error;
 
@@ -241,7 +241,7 @@ pub fn poses(
         let overlap = sight.overlap(&poses);
         config.data.wants(overlap).then_some(PlannedPair { poses, overlap })
     };
-    sample_pairs_aloud(&place.scene, place.casters(), plan, &accept, looking)
+    sample_pairs_between(&place.scene, place.casters(), plan, &accept, looking)
         .map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })
 }
 
