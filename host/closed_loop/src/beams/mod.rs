@@ -80,8 +80,8 @@ impl Beams {
         (0..self.pattern.beams()).filter_map(direction).collect()
     }
 
-    /// Unit vector of a beam in f64, which the sensor's own ([`ScanPattern::direction`]) is compared
-    /// with.
+    /// Unit vector of a beam in f64, which the sensor's own ([`ScanPattern::direction`]) is
+    /// compared with.
     pub fn exact_direction(&self, viewpoint: u32, beam: u32) -> Option<Vector3<f64>> {
         let unit = match &self.list {
             Some(_) => self.listed(beam)?.exact_unit(),
