@@ -116,7 +116,7 @@ pub struct Generation {
     pub candidates: Vec<CandidateRecord>,
 }
 
-/// Why a journal cannot be used.
+/// Unusable journal.
 #[derive(Debug, Error)]
 pub enum JournalError {
     /// File error.
@@ -133,7 +133,7 @@ pub enum JournalError {
         path: PathBuf,
         /// The line, from 1.
         line: usize,
-        /// What is wrong.
+        /// Fault.
         what: String,
         /// Whole generations before it.
         whole: usize,
