@@ -14,7 +14,7 @@ use crate::raycast::Raycaster;
 use crate::scene::Scene;
 
 use camera::Camera;
-pub use camera::{PITCH_RAD, YAW_RAD, shown_box};
+pub use camera::{PITCH_RAD, YAW_RAD, view_box};
 pub use colour::colour;
 use shading::{Shader, encoded, mean};
 
@@ -36,11 +36,11 @@ pub struct Picture {
     pub pixels: Vec<[u8; 3]>,
 }
 
-/// Draws the box of [`shown_box`] from above and beside, four rays a pixel, with sun, sky and
+/// Draws the box of [`view_box`] from above and beside, four rays a pixel, with sun, sky and
 /// shadows.
 #[must_use]
 pub fn draw(scene: &Scene, caster: &Raycaster, [width, height]: [usize; 2]) -> Picture {
-    let camera = Camera::beside(shown_box(scene), width.max(1) as f64 / height.max(1) as f64);
+    let camera = Camera::beside(view_box(scene), width.max(1) as f64 / height.max(1) as f64);
     let shader = Shader::new(scene, caster, &camera);
     let row = |row: usize| {
         let across: Vec<usize> = (0..width).collect();

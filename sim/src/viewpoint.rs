@@ -152,7 +152,7 @@ pub fn sample_pairs(
     caster: &Raycaster,
     plan: &PairPlan,
 ) -> Result<Vec<PosePair>, ViewpointError> {
-    sample_pairs_aloud(scene, [caster; 2], plan, &Some, &|_, _| ())
+    sample_pairs_between(scene, [caster; 2], plan, &Some, &|_, _| ())
 }
 
 /// As [`sample_pairs`], for a place that differs between the first scan and the second.
@@ -164,7 +164,7 @@ pub fn sample_pairs(
 /// # Errors
 ///
 /// As of [`sample_pairs`].
-pub fn sample_pairs_aloud<T>(
+pub fn sample_pairs_between<T>(
     scene: &Scene,
     [caster, later]: [&Raycaster; 2],
     plan: &PairPlan,

@@ -46,7 +46,7 @@ impl Default for Running {
 }
 
 impl Checksum {
-    /// Reads the 16 digits of a file.
+    /// Bytes of the checksum, little endian.
     pub fn to_le_bytes(self) -> [u8; 8] {
         self.0.to_le_bytes()
     }
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_the_catalogue_s_of_pieces_and_of_files() {
+    fn pieces_and_files_have_the_checksum_of_the_catalogue() {
         assert_eq!(Checksum::of(&[b"123456789"]).to_string(), "995dc9bbdf1939fa");
         assert_eq!(Checksum::of(&[b"12345", b"6789"]), Checksum::of(&[b"123456789"]));
         let folder = tempfile::tempdir().unwrap();

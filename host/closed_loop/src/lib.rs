@@ -3,8 +3,7 @@
 //! 1. [`config::load`] makes a [`config::RunConfig`] from a file and single values.
 //! 2. [`dataset::Dataset::build_with_check`] traces every scan of every pair.
 //! 3. [`evaluation::objective::Bench`] puts pairs and sensors together and evaluates f_opt of Eq.
-//!    4:
-//!    two scans through the sensor's link, a registration, an error.
+//!    4: two scans through the sensor's link, a registration, an error.
 //! 4. [`parameters::Space`] is the unit cube of the search. [`search::TuneSearch::run`] searches it
 //!    and writes each generation to a [`run_folder::journal::Journal`].
 //! 5. [`search::TuneSearch::judge`] evaluates parameters on pairs that no search saw.

@@ -1,6 +1,6 @@
 //! A scene in three dimensions with its viewpoints and pairs, as a page of its own.
 
-use echoloop_sim::picture::{PITCH_RAD, Picture, YAW_RAD, colour, shown_box};
+use echoloop_sim::picture::{PITCH_RAD, Picture, YAW_RAD, colour, view_box};
 use echoloop_sim::scene::{Material, Scene};
 use serde_json::{Value, json};
 
@@ -141,7 +141,7 @@ impl ScenePage<'_> {
 
     /// What the script needs besides the geometry. No `<` in it can end the element.
     fn data(&self, packed: &Packed) -> String {
-        let (low, high) = shown_box(self.scene);
+        let (low, high) = view_box(self.scene);
         let both = |k: usize| (f64::from(low[k]), f64::from(high[k]));
         let middle = [0, 1, 2].map(|k| f64::midpoint(both(k).0, both(k).1));
         let half = [0, 1, 2].map(|k| (0.5 * (both(k).1 - both(k).0)).max(0.5));

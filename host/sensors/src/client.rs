@@ -1,4 +1,4 @@
-//! The host's side of the link: asks, waits, asks again, and never mixes settings.
+//! Client of one sensor: sends commands, waits, retries, and never mixes settings.
 
 mod waveforms;
 
@@ -18,115 +18,115 @@ use crate::pattern::{MOST_BEAMS, MOST_IN_ALL, is_possible, size};
 use crate::transport::Transport;
 pub use waveforms::Shoot;
 
-/// Why a sensor did not do what it was asked.
+/// Failure of a command.
 #[derive(Debug, Error)]
 pub enum ClientError {
-    /// It refused the settings and kept its old ones.
+    /// The sensor refused the settings and kept its old ones.
     #[error("the sensor refused the settings: {0}")]
     Refused(#[from] Refusal),
-    /// It understood and could not.
+    /// The sensor understood the command and could not execute it.
     #[error("the sensor answered {0:?}")]
     Nack(Nack),
-    /// It did not answer.
+    /// No answer.
     #[error("no answer from the sensor to {command} after {tries} tries of {timeout:?}")]
     Silent {
-        /// What was asked.
+        /// Command.
         command: &'static str,
-        /// How often.
+        /// Number of tries.
         tries: u32,
-        /// How long each.
+        /// Timeout of each try.
         timeout: Duration,
     },
-    /// It did not answer, and what was sent came back.
+    /// No answer, and the frames that were sent came back.
     #[error(
         "no answer from the sensor to {command}, but {echoes} frames of our own: the line echoes. \
          Are its two wires joined, or is it one wire for both ways?"
     )]
     Echo {
-        /// What was asked.
+        /// Command.
         command: &'static str,
         /// Frames that came back.
         echoes: u32,
     },
-    /// It speaks another version.
+    /// The sensor speaks another version.
     #[error(
         "the sensor ({build}) speaks protocol {}, schema {:#018x}; this program protocol {}, \
          schema {:#018x}",
         theirs.protocol, theirs.schema, Greeting::OURS.protocol, Greeting::OURS.schema
     )]
     Version {
-        /// Its greeting.
+        /// Greeting of the sensor.
         theirs: Greeting,
-        /// Its firmware.
+        /// Name and version of its firmware.
         build: String,
     },
-    /// It says that it has no beams, or more than there can be.
+    /// The sensor says that it has no beams, or more than are accepted.
     #[error(
         "the sensor ({build}) says it has {} beams; expected 1 to {} × 1 to {}, or 1 to \
          {MOST_IN_ALL}",
         size(pattern), MOST_BEAMS[0], MOST_BEAMS[1]
     )]
     Pattern {
-        /// Where it says its beams point.
+        /// Scan pattern of the sensor.
         pattern: ScanPattern,
-        /// Its firmware.
+        /// Name and version of its firmware.
         build: String,
     },
-    /// It answered something else.
+    /// Report of another kind than the command's.
     #[error("the sensor answered {command} with an unexpected report")]
     Unexpected {
-        /// What was asked.
+        /// Command.
         command: &'static str,
     },
     /// The settings changed under a scan.
     #[error("scan {frame} was made with settings {got:#010x}, not {expected:#010x}")]
     Mixed {
-        /// The scan.
+        /// Number of the scan.
         frame: u32,
-        /// Hash of the settings that were asked for.
+        /// Hash of the settings committed last.
         expected: u32,
-        /// Hash of those it was made with.
+        /// Hash of the settings of the scan.
         got: u32,
     },
     /// Other settings are active than those to be confirmed or saved: their trial is over, or the
-    /// sensor started anew.
+    /// sensor has restarted.
     #[error("the sensor's settings are {got:#010x}, not {expected:#010x}")]
     Changed {
-        /// Hash of the settings that were to be kept.
+        /// Hash of the settings to be confirmed or saved.
         expected: u32,
-        /// Hash of the active ones.
+        /// Hash of the active settings.
         got: u32,
     },
-    /// It has no room for the waveforms that its settings make.
+    /// The sensor has no room for the waveforms of its settings.
     #[error("the sensor has room for {room} codes a shot; its settings make {needed}")]
     Room {
-        /// Codes there is room for.
+        /// Room, codes a shot.
         room: u32,
-        /// Codes of a shot.
+        /// Codes of a shot by the settings.
         needed: u32,
     },
-    /// The line is gone.
+    /// The line is lost.
     #[error("the link is lost: {0}")]
     Line(#[from] io::Error),
 }
 
-/// What a sensor says of itself.
+/// Identity of a sensor, from its hello.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identity {
-    /// Name and version of its firmware, as a message shows it.
+    /// Name and version of its firmware, printable.
     pub build: String,
-    /// What its hardware fixes.
+    /// Hardware.
     pub hardware: Hardware,
-    /// Where its beams point.
+    /// Scan pattern.
     pub pattern: ScanPattern,
 }
 
-/// How long to wait for an answer, and how often to ask.
+/// Timeout and number of tries of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RetryPolicy {
-    /// How long to wait for an answer.
+    /// Timeout of an answer.
     pub timeout: Duration,
-    /// How often to ask.
+    /// Number of tries.
     pub tries: u32,
 }
 
@@ -136,7 +136,7 @@ impl Default for RetryPolicy {
     }
 }
 
-/// A conversation with one sensor.
+/// Client of one sensor.
 pub struct Client<T> {
     transport: T,
     decoder: Box<Decoder>,
@@ -145,26 +145,26 @@ pub struct Client<T> {
     identity: Identity,
     generation: u32,
     hash: u32,
-    /// The settings of that hash.
+    /// Settings of that hash.
     settings: Settings,
-    /// The settings committed last are on trial: at any frame boundary they may be replaced, and
-    /// the generation rise.
+    /// True while the settings committed last are on trial: at any frame boundary they may be
+    /// replaced and the generation may rise.
     on_trial: bool,
-    /// An answer was lost, or the sensor knows nothing of a session: say hello and read back before
-    /// going on.
+    /// True when an answer was lost or the sensor has no session: greet and read back the settings
+    /// first.
     unsure: bool,
-    /// Frames of our own that came back since the last command was numbered.
+    /// Own frames that came back since the last command was numbered.
     echoes: u32,
 }
 
 impl<T: Transport> Client<T> {
-    /// Says hello and learns who is there.
+    /// Connects, and reads the sensor's identity and settings.
     ///
     /// # Errors
     ///
-    /// [`ClientError`]; of a sensor of another version, [`ClientError::Version`] with both.
+    /// [`ClientError`]; [`ClientError::Version`] for a sensor of another version.
     pub fn connect(transport: T, retry_policy: RetryPolicy) -> Result<Self, ClientError> {
-        // Anywhere, so that late answers to an earlier program are not taken for ours.
+        // Random, so that late answers to an earlier program match no number of ours.
         Self::connect_from(
             transport,
             retry_policy,
@@ -172,8 +172,8 @@ impl<T: Transport> Client<T> {
         )
     }
 
-    /// As [`Client::connect`], numbering commands from the one after `sequence`: the same bytes
-    /// every time.
+    /// As [`Client::connect`], with commands numbered from `sequence + 1`: the same bytes every
+    /// time.
     ///
     /// # Errors
     ///
@@ -208,7 +208,8 @@ impl<T: Transport> Client<T> {
         Ok(client)
     }
 
-    /// A sensor that takes our first number for an overtaken one says after which to begin.
+    /// Greets. A sensor that takes the first number for an overtaken one answers with the number to
+    /// continue after.
     fn say_hello(&mut self) -> Result<Report, ClientError> {
         let hello = Command::Hello(Greeting::OURS);
         match self.ask(&hello) {
@@ -235,17 +236,17 @@ impl<T: Transport> Client<T> {
         Ok(())
     }
 
-    /// What the sensor said of itself.
+    /// Identity of the sensor.
     pub fn identity(&self) -> &Identity {
         &self.identity
     }
 
-    /// The line, for those who own its other end.
+    /// Transport of the client.
     pub fn transport_mut(&mut self) -> &mut T {
         &mut self.transport
     }
 
-    /// The active settings. After an error it opens the session anew.
+    /// Reads the active settings. After an error it greets again first.
     ///
     /// # Errors
     ///
@@ -264,7 +265,7 @@ impl<T: Transport> Client<T> {
         Ok(settings)
     }
 
-    /// The active settings, as far as this side knows; it asks when it does not.
+    /// Active settings, read from the sensor only where this side is unsure.
     ///
     /// # Errors
     ///
@@ -273,7 +274,7 @@ impl<T: Transport> Client<T> {
         if self.unsure { self.read_settings() } else { Ok(self.settings) }
     }
 
-    /// How the link has been, as the sensor counts.
+    /// Reads the sensor's counters of link errors.
     ///
     /// # Errors
     ///
@@ -285,7 +286,7 @@ impl<T: Transport> Client<T> {
         }
     }
 
-    /// Says how long a scan may take, µs, 0: as long as it likes, and begins to count anew.
+    /// Sets the deadline of a scan, µs, 0 for none, and restarts its statistics.
     ///
     /// # Errors
     ///
@@ -294,7 +295,7 @@ impl<T: Transport> Client<T> {
         self.ask_times(&Command::SetDeadline { scan_us })
     }
 
-    /// How long scans have taken the sensor since its deadline was set.
+    /// Reads the durations of scans since the deadline was set.
     ///
     /// # Errors
     ///
@@ -310,26 +311,26 @@ impl<T: Transport> Client<T> {
         }
     }
 
-    /// Stages a whole set of settings, commits it, and returns the hash it now goes by.
+    /// Stages and commits settings, and returns their hash.
     ///
     /// # Errors
     ///
-    /// [`ClientError::Refused`] with field and bound, and the sensor keeps what it had. After
-    /// [`ClientError::Silent`] or [`ClientError::Echo`] it has the old settings or the new, and the
-    /// next call of this or of [`Client::read_settings`] finds out which before it goes on.
+    /// [`ClientError::Refused`] with field and bound; the sensor keeps its old settings. After
+    /// [`ClientError::Silent`] or [`ClientError::Echo`] either may be active: the next call of this
+    /// or of [`Client::read_settings`] reads back which.
     pub fn configure(&mut self, settings: &Settings) -> Result<u32, ClientError> {
         self.configure_on_trial(settings, 0)
     }
 
-    /// As [`Client::configure`], on trial. The sensor goes back to its last settings that were not
-    /// on trial
+    /// As [`Client::configure`], on trial. The sensor returns to its last settings that were not on
+    /// trial
     ///
     /// - unless [`Client::confirm`] comes before `frames` frames have ended (`0`: no trial),
     /// - when one whole frame has no echo,
-    /// - when this program ends and another says hello.
+    /// - when this program ends and another greets.
     ///
-    /// The scan after that is [`ClientError::Mixed`]. A frame ends when anything but a confirmation
-    /// follows its last beam.
+    /// The next scan is then [`ClientError::Mixed`]. A frame ends when any command but a
+    /// confirmation follows its last beam.
     ///
     /// # Errors
     ///
@@ -344,11 +345,11 @@ impl<T: Transport> Client<T> {
         }
         let was_on_trial = self.on_trial;
         match self.stage_and_commit(settings, frames) {
-            // A hello that came late dropped what was staged; the commit did not happen.
+            // A late hello dropped the staged settings, so the commit did not happen.
             Err(ClientError::Nack(Nack::NotStaged { .. })) => {
                 self.stage_and_commit(settings, frames)
             }
-            // The trial before this ended, and with it the generation that this one was to follow.
+            // The trial before this one ended, and the generation rose.
             Err(ClientError::Nack(Nack::WrongGeneration { .. })) if was_on_trial => {
                 self.read_settings()?;
                 self.stage_and_commit(settings, frames)
@@ -376,13 +377,13 @@ impl<T: Transport> Client<T> {
         Ok(hash)
     }
 
-    /// Ends the trial of the settings committed last: they stay. Said again, it is true again.
+    /// Ends the trial of the settings committed last, which stay active. May be repeated.
     ///
     /// # Errors
     ///
     /// [`ClientError::Nack`] with [`Nack::WrongGeneration`] or [`ClientError::Changed`] when their
-    /// trial is over already. After [`ClientError::Silent`] or [`ClientError::Echo`], another call
-    /// finds out.
+    /// trial is over already. After [`ClientError::Silent`] or [`ClientError::Echo`], call it
+    /// again.
     pub fn confirm(&mut self) -> Result<(), ClientError> {
         self.be_sure_of_settings()?;
         let generation = self.generation;
@@ -396,15 +397,15 @@ impl<T: Transport> Client<T> {
         }
     }
 
-    /// Makes the settings committed last those that the sensor starts with; their revision. What is
-    /// saved already is not written again.
+    /// Saves the settings committed last, so that the sensor starts with them, and returns their
+    /// revision. Settings that are saved already are not written again.
     ///
     /// # Errors
     ///
     /// [`ClientError::Nack`] with [`Nack::OnTrial`] before they are confirmed, with
-    /// [`Nack::Storage`] when the flash failed; [`ClientError::Changed`] when they are active no
-    /// longer. After [`ClientError::Silent`] or [`ClientError::Echo`] the sensor starts with the
-    /// settings saved before or with these; another call makes it these.
+    /// [`Nack::Storage`] when the flash failed; [`ClientError::Changed`] when others are active.
+    /// After [`ClientError::Silent`] or [`ClientError::Echo`] either the old or these are saved;
+    /// call it again.
     pub fn save(&mut self) -> Result<u32, ClientError> {
         self.be_sure_of_settings()?;
         let hash = self.hash;
@@ -414,7 +415,8 @@ impl<T: Transport> Client<T> {
         }
     }
 
-    /// Makes the sensor start with its defaults. The active settings stay.
+    /// Erases the saved settings, so that the sensor starts with its defaults. The active ones
+    /// stay.
     ///
     /// # Errors
     ///
@@ -429,8 +431,8 @@ impl<T: Transport> Client<T> {
         }
     }
 
-    /// Opens the session anew when an answer was lost, and sees whether the settings are still
-    /// those it knew. A hello ends a trial, so what is still there is not on trial.
+    /// After a lost answer, reads back the settings and refuses others than those known. The
+    /// greeting ends any trial.
     fn be_sure_of_settings(&mut self) -> Result<(), ClientError> {
         if !self.unsure {
             return Ok(());
@@ -441,12 +443,12 @@ impl<T: Transport> Client<T> {
             return Ok(());
         }
         let got = self.hash;
-        // Asked again, it is as wrong.
+        // Still unsure: another call is refused as well.
         (self.generation, self.hash, self.unsure) = (generation, expected, true);
         Err(ClientError::Changed { expected, got })
     }
 
-    /// What room there is for waveforms.
+    /// Reads the sensor's room for waveforms.
     ///
     /// # Errors
     ///
@@ -458,17 +460,17 @@ impl<T: Transport> Client<T> {
         }
     }
 
-    /// Measures all beams as scan `frame`; the echoes, beam by beam.
+    /// Measures all beams as scan `frame`, and returns the echoes of each beam.
     ///
     /// # Errors
     ///
-    /// [`ClientError::Mixed`] when any beam was made with other settings than those committed last;
-    /// else [`ClientError`].
+    /// [`ClientError::Mixed`] when any beam was measured with other settings than those committed
+    /// last; else [`ClientError`].
     pub fn scan(&mut self, frame: u32) -> Result<Vec<Echoes>, ClientError> {
         self.read_scan(frame, |first, count| Command::ReadBeams { frame, first, count })
     }
 
-    /// As [`Client::scan`], with the noise that a simulated front end is to have.
+    /// As [`Client::scan`], with the noise of a simulated front end.
     ///
     /// # Errors
     ///
@@ -480,20 +482,20 @@ impl<T: Transport> Client<T> {
     fn read_scan(
         &mut self,
         frame: u32,
-        question: impl Fn(u32, u16) -> Command<'static>,
+        command: impl Fn(u32, u16) -> Command<'static>,
     ) -> Result<Vec<Echoes>, ClientError> {
         let total = self.identity.pattern.beams();
         let mut scan = Vec::with_capacity(total as usize);
         while (scan.len() as u32) < total {
             let first = scan.len() as u32;
             let count = (total - first).min(BEAMS_PER_REPORT as u32) as u16;
-            let report = self.ask(&question(first, count))?;
+            let report = self.ask(&command(first, count))?;
             scan.extend(self.beams(report, frame, first, count.into())?);
         }
         Ok(scan)
     }
 
-    /// The echoes of so many beams of a scan, by the settings committed last.
+    /// Echoes of `count` beams of a scan, checked to be of the settings committed last.
     fn beams(
         &mut self,
         report: Report,
@@ -508,14 +510,13 @@ impl<T: Transport> Client<T> {
             return Err(ClientError::Unexpected { command: "read beams" });
         }
         if (generation, hash) != (self.generation, self.hash) {
-            self.unsure = true; // a trial ended, or the sensor is another's
+            self.unsure = true; // a trial ended, or another program has the sensor
             return Err(ClientError::Mixed { frame, expected: self.hash, got: hash });
         }
         Ok(beams)
     }
 
-    /// Sends a command and waits for its own answer, asking again when it does not come. Refusals
-    /// become errors.
+    /// Sends a command and waits for its own answer, with retries. Refusals become errors.
     fn ask(&mut self, command: &Command<'_>) -> Result<Report, ClientError> {
         let mut frame = [0; MAX_FRAME];
         let bytes = self.numbered(command, &mut frame)?;
@@ -535,7 +536,7 @@ impl<T: Transport> Client<T> {
         Err(self.silent(name(command)))
     }
 
-    /// A command as a frame with a number of its own.
+    /// Frame of a command with the next number.
     fn numbered<'a>(
         &mut self,
         command: &Command<'_>,
@@ -547,7 +548,7 @@ impl<T: Transport> Client<T> {
         frame.map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error).into())
     }
 
-    /// It was asked often enough.
+    /// Error after the last try.
     fn silent(&mut self, command: &'static str) -> ClientError {
         self.unsure = true;
         if self.echoes > 0 {
@@ -557,9 +558,9 @@ impl<T: Transport> Client<T> {
         ClientError::Silent { command, tries, timeout }
     }
 
-    /// The reports of numbers that are awaited, in the order in which they come: those of the first
-    /// bytes that hold any; none when none comes in time. Broken frames and answers to older
-    /// questions are dropped; a line that never falls quiet is not listened to for longer.
+    /// Reports with awaited numbers, in their order of arrival: all those in the first bytes that
+    /// hold any; empty at the timeout, even on a line that is never quiet. Broken frames and
+    /// answers to older commands are dropped.
     fn listen(&mut self, awaited: impl Fn(u16) -> bool) -> Result<Vec<(u16, Report)>, ClientError> {
         let deadline = Instant::now() + self.retry_policy.timeout;
         let mut chunk = [0; 1024];
@@ -576,7 +577,7 @@ impl<T: Transport> Client<T> {
                     Ok((_, sequence, body)) if awaited(sequence) => {
                         answers.extend(read(body)?.map(|report| (sequence, report)));
                     }
-                    _ => {} // broken, or an answer to another question
+                    _ => {} // broken, or an answer to another command
                 }
             }
             if length == 0 || !answers.is_empty() || left.is_zero() {
@@ -586,13 +587,13 @@ impl<T: Transport> Client<T> {
     }
 }
 
-/// Whether it is an answer to a hello, of a sensor whose protocol is not ours: it has not the mark
-/// of its way.
+/// True for the answer to a hello from a sensor of another protocol, which does not mark its
+/// direction.
 fn answers_another_hello(body: &[u8]) -> bool {
     Greeting::from_answer(body).is_some_and(|theirs| theirs != Greeting::OURS)
 }
 
-/// A report of this schema; `None` of another. A greeting is understood whatever follows it.
+/// Report of this schema; `None` of another. A greeting is read whatever follows it.
 fn read(body: &[u8]) -> Result<Option<Report>, ClientError> {
     match (frame::message(body), Greeting::from_answer(body)) {
         (Some(report), _) => Ok(Some(report)),

@@ -1,5 +1,4 @@
-//! The sensor's log: defmt's frames, which say only which message of the image, made readable with
-//! the image.
+//! Log of a sensor: defmt's frames, which hold the index of a message only, decoded with the image.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
@@ -9,42 +8,42 @@ use defmt_decoder::{DecodeError, Frame, StreamDecoder, Table};
 use echoloop_files::printable;
 use thiserror::Error;
 
-/// Why a log cannot be read.
+/// Reason that a log cannot be read.
 #[derive(Debug, Error)]
 pub enum LogError {
-    /// The image is no ELF file, or of another version of defmt.
+    /// Image that is no ELF file, or of another version of defmt.
     #[error("the image's log table cannot be read: {0}")]
     Image(String),
-    /// It says nothing.
+    /// Image without a log table.
     #[error("the image has no log table: it was built without defmt")]
     Silent,
 }
 
-/// The messages of an image.
+/// Messages of an image.
 pub struct Messages(Table);
 
 impl Messages {
-    /// Those of an ELF file.
+    /// Messages of an ELF file.
     ///
     /// # Errors
     ///
-    /// [`LogError`] when the image is not one that logs.
+    /// [`LogError`] when the image has no log table.
     pub fn from_elf(elf: &[u8]) -> Result<Self, LogError> {
         let table = Table::parse(elf).map_err(|error| LogError::Image(error.to_string()))?;
         table.map(Self).ok_or(LogError::Silent)
     }
 
-    /// A reader of a log, from anywhere in it.
+    /// Reader of a log, which may begin anywhere in it.
     pub fn reader(&self) -> LogReader<'_> {
         let (table, stream) = (&self.0, self.0.new_stream_decoder());
         LogReader { table, stream, unfinished: 0, broken: 0 }
     }
 }
 
-/// Bytes of a frame at most, a hundred times the longest: what goes on without an end is no log.
+/// Most bytes of a frame, a hundred times the longest: a line without an end is no log.
 const LONGEST: usize = 16 << 10;
 
-/// Makes lines of a log as it comes.
+/// Decoder of a log into lines, as bytes arrive.
 pub struct LogReader<'a> {
     table: &'a Table,
     stream: Box<dyn StreamDecoder + Send + Sync + 'a>,
@@ -53,8 +52,7 @@ pub struct LogReader<'a> {
 }
 
 impl LogReader<'_> {
-    /// The lines that these bytes complete: number, level, text. Frames that are broken are left
-    /// out.
+    /// Lines that these bytes complete: number, level, text. Broken frames are left out.
     pub fn read(&mut self, bytes: &[u8]) -> Vec<String> {
         self.bound(bytes);
         self.stream.received(bytes);
@@ -70,12 +68,12 @@ impl LogReader<'_> {
         }
     }
 
-    /// Frames that were left out. Where the log was joined in its midst, the first is one.
+    /// Number of broken frames. The first is one when the log was joined in the middle.
     pub fn broken(&self) -> usize {
         self.broken
     }
 
-    /// Keeps what has no end from filling the memory.
+    /// Drops an unfinished frame beyond [`LONGEST`], so that it does not fill the memory.
     fn bound(&mut self, bytes: &[u8]) {
         self.unfinished = match bytes.iter().rev().position(|&byte| byte == 0) {
             Some(after) => after,
@@ -94,20 +92,20 @@ fn line(frame: &Frame<'_>) -> String {
     format!("{number:>6} {level:<5} {}", frame.display_message())
 }
 
-/// The lines of a whole log.
+/// Lines of a whole log.
 ///
 /// # Errors
 ///
-/// [`LogError`] when the image is not one that logs.
+/// [`LogError`] when the image has no log table.
 pub fn decode(elf: &[u8], frames: &[u8]) -> Result<Vec<String>, LogError> {
     Ok(Messages::from_elf(elf)?.reader().read(frames))
 }
 
-/// Begins a file anew for [`write_lines`].
+/// Creates an empty file for [`write_lines`].
 ///
 /// # Errors
 ///
-/// That it cannot be made, and why.
+/// Message that it cannot be created, with the reason.
 pub fn begin_file(to: &Path) -> Result<(), String> {
     if to == Path::new("-") {
         return Ok(());
@@ -116,8 +114,8 @@ pub fn begin_file(to: &Path) -> Result<(), String> {
     made.map_err(|error| format!("--sensor-log {}: {error}", to.display()))
 }
 
-/// Adds the lines of a sensor's log to a file, all at once: sensors do not mix theirs. `-` is
-/// standard error.
+/// Appends lines of a sensor's log to a file in one write, so that sensors do not mix theirs. `-`
+/// is standard error.
 ///
 /// # Errors
 ///
@@ -137,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_image_is_refused() {
+    fn a_file_that_is_no_image_is_refused() {
         assert!(matches!(decode(b"not an ELF file", &[]), Err(LogError::Image(_))));
     }
 }

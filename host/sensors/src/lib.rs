@@ -1,10 +1,9 @@
-//! The host's end of the link: a client, what carries its bytes, and the sensors behind it.
+//! Host's end of the link: a client, transports for its bytes, and the sensors behind them.
 //!
-//! To speak to a sensor: take a [`transport`] for its line, give it to [`client::Client::connect`],
-//! then `configure` and `scan`. [`sensor::Sensors`] holds many of them, whichever kind
-//! `--sensor` names, and lends one to each thread; [`serve`] is the other end of a serial line.
-//! To carry the bytes in a new way, implement [`transport::Transport`]: it may lose, change and
-//! delay them.
+//! To use a sensor: open a [`transport`] for its line, give it to [`client::Client::connect`], then
+//! `configure` and `scan`. [`sensor::Sensors`] is a pool of sensors of the kind that `--sensor`
+//! names, one for each thread; [`serve`] is the other end of a serial line. A new transport
+//! implements [`transport::Transport`]: it may lose, change and delay bytes.
 //!
 //! ```
 //! use echoloop_dsp::scan_pattern::Grid;

@@ -1,26 +1,23 @@
-//! A sensor's scan pattern as it is told: what is too large, and what a message says of it.
+//! Scan pattern of a sensor: the largest that is accepted, and its form in messages and documents.
 
 use echoloop_dsp::ScanPattern;
 use serde_json::Value;
 
-/// Most beams along azimuth and along elevation, of a sensor and of a configuration: scans of more
-/// are not what memory is made for.
+/// Most columns and rows of a scan, so that its echoes fit into memory.
 pub const MOST_BEAMS: [u16; 2] = [4096, 1024];
 
 /// Most beams of a scan that has no columns and rows.
 pub const MOST_IN_ALL: u32 = 131_072;
 
-/// Whether there is memory for a scan.
+/// True when a scan has beams, and no more than fit into memory.
 pub fn is_possible(pattern: &ScanPattern) -> bool {
     match pattern.columns_and_rows() {
-        Some(counts) => {
-            counts.into_iter().zip(MOST_BEAMS).all(|(count, most)| (1..=most).contains(&count))
-        }
+        Some(size) => size.iter().zip(MOST_BEAMS).all(|(count, most)| (1..=most).contains(count)),
         None => (1..=MOST_IN_ALL).contains(&pattern.beams()),
     }
 }
 
-/// How many beams, as a message says it.
+/// Number of beams in a message: `192 × 64`, or `10000` without columns and rows.
 pub fn size(pattern: &ScanPattern) -> String {
     match pattern.columns_and_rows() {
         Some([columns, rows]) => format!("{columns} × {rows}"),
@@ -28,7 +25,7 @@ pub fn size(pattern: &ScanPattern) -> String {
     }
 }
 
-/// A pattern as a document has it: its fields, and which kind it is.
+/// Fields of a pattern as JSON, and its `kind`: `grid`, `raster` and so on.
 pub fn document(pattern: &ScanPattern) -> Value {
     // serde has the variant's name as the only key, and its fields as the value.
     let tagged = serde_json::to_value(pattern).unwrap_or_default();
@@ -40,7 +37,7 @@ pub fn document(pattern: &ScanPattern) -> Value {
     Value::Object(fields)
 }
 
-/// A pattern in a few words.
+/// Beams of a pattern in a few words: `192 × 64 over 180° × 180°`.
 pub fn described(pattern: &ScanPattern) -> String {
     pattern.to_string()
 }

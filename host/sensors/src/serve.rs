@@ -1,5 +1,4 @@
-//! The other end of a serial line: a sensor that shows a viewpoint for each number of a scan, as a
-//! turntable would.
+//! Other end of a serial line: a sensor that looks at viewpoint n for scan n, as on a turntable.
 
 use std::io;
 use std::sync::Arc;
@@ -14,13 +13,13 @@ use crate::sensor::Model;
 use crate::transport::{LOOK_UP, Transport, send_until};
 use echoloop_frontend::WaveformFrontEnd;
 
-/// Bytes that the sensor is given at once: about as many as one question for beams, so that
-/// hundreds of them are not worked off before anybody looks whether to stop.
+/// Bytes passed to the sensor at once, about one command for beams, so that `stop` is looked at
+/// between commands.
 const PIECE: usize = 16;
 
-/// A front end that shows viewpoint n for scan n, n from 1, and nothing for other numbers. Its
-/// noise is what the request says; of one that says nothing it depends on the seed here, on scan
-/// and beam only, so a viewpoint looks the same to every candidate.
+/// Front end that looks at viewpoint n for scan n, n from 1, and at nothing for other numbers. Its
+/// noise is that of the request. Without one it depends on seed, scan and beam only, so a viewpoint
+/// looks the same to every candidate.
 #[derive(Clone, Debug)]
 pub struct Viewpoints {
     front_end: WaveformFrontEnd,
@@ -29,14 +28,14 @@ pub struct Viewpoints {
     views: Vec<Arc<SceneResponse>>,
     nothing: Arc<SceneResponse>,
     seed: u64,
-    /// As the request has it.
+    /// Noise of the request.
     noise: Option<ScanNoise>,
-    /// Viewpoint and seed before the front end.
+    /// Viewpoint and seed that the front end shows.
     showing: (u32, u64),
 }
 
 impl Viewpoints {
-    /// A front end that has these viewpoints.
+    /// Front end with these viewpoints.
     pub fn new(model: &Model, views: Vec<Arc<SceneResponse>>, seed: u64) -> Self {
         let nothing = Arc::new(SceneResponse::empty(model.pattern.beams()));
         let Model { pattern, hardware, .. } = *model;
@@ -44,12 +43,12 @@ impl Viewpoints {
         Self { front_end, pattern, hardware, views, nothing, seed, noise: None, showing }
     }
 
-    /// The sensor with this front end, and this machine's clock.
+    /// Sensor with this front end and this machine's clock.
     pub fn sensor(self) -> PcSensor<Self> {
         let (pattern, hardware) = (self.pattern, self.hardware);
         let mut sensor = PcSensor::new(self, pattern, hardware);
         let began = Instant::now();
-        sensor.set_clock(move || began.elapsed().as_micros() as u32); // wraps, as it may
+        sensor.set_clock(move || began.elapsed().as_micros() as u32); // may wrap
         sensor
     }
 
@@ -81,7 +80,7 @@ impl FrontEnd for Viewpoints {
     }
 }
 
-/// Answers on a line until told to stop.
+/// Serves a line until `stop` returns true.
 ///
 /// # Errors
 ///
@@ -102,7 +101,7 @@ pub fn serve<F: FrontEnd>(
     Ok(())
 }
 
-/// Passes on all that the sensor has said.
+/// Sends all bytes that the sensor has answered.
 fn answer<F: FrontEnd>(
     line: &mut dyn Transport,
     sensor: &mut PcSensor<F>,

@@ -1,14 +1,13 @@
-//! How many bits a scan is on the link.
+//! Size of a scan on the link, bits.
 
 use echoloop_dsp::Echoes;
 use echoloop_link::{BEAMS_PER_REPORT, Command, MAX_FRAME, Message, Report, encode};
 
-/// Bits of a scan both ways, from the delimiter before the first question to that behind the last
-/// answer: the frames of [`Client::scan`](super::client::Client::scan) on a line that loses
-/// nothing.
+/// Bits of a scan both ways, from the delimiter before the first command to that after the last
+/// report: the frames of [`Client::scan`](super::client::Client::scan) on a line without loss.
 ///
-/// They are encoded as the sensor does, as the first frame of the first generation. Later ones have
-/// longer numbers, and COBS other bytes: a part in a thousand.
+/// The frames are encoded as scan 1 of generation 1. Later ones have longer numbers and other COBS
+/// bytes, a difference of a thousandth.
 pub fn scan_bits(scan: &[Echoes], settings_hash: u32) -> u64 {
     let beams_of = |(i, beams): (usize, &[Echoes])| {
         let first = (i * BEAMS_PER_REPORT) as u32;

@@ -20,7 +20,7 @@ const DISTANCE_FACTOR: f64 = 0.9;
 /// Corners of the box that pictures and pages show first, metres: the area of the viewpoints,
 /// clipped to the mesh, over the height of the mesh.
 #[must_use]
-pub fn shown_box(scene: &Scene) -> ([f32; 3], [f32; 3]) {
+pub fn view_box(scene: &Scene) -> ([f32; 3], [f32; 3]) {
     let (bottom, top) = scene.mesh.bounds().unwrap_or(([0.0; 3], [0.0; 3]));
     let (low, high) = scene.area;
     let low = [low[0].max(bottom[0]), low[1].max(bottom[1]), bottom[2]];
@@ -106,9 +106,9 @@ mod tests {
             materials: vec![0],
         };
         let scene = |area| Scene::new("three points", mesh.clone(), area);
-        let inside = shown_box(&scene(([-4.0, -40.0], [4.0, 40.0])));
+        let inside = view_box(&scene(([-4.0, -40.0], [4.0, 40.0])));
         assert_eq!(inside, ([-4.0, -10.0, 0.0], [4.0, 10.0, 5.0]));
-        let beside = shown_box(&scene(([20.0, 20.0], [30.0, 30.0])));
+        let beside = view_box(&scene(([20.0, 20.0], [30.0, 30.0])));
         assert_eq!(beside, ([-10.0, -10.0, 0.0], [10.0, 10.0, 5.0]));
     }
 }

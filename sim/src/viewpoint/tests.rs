@@ -135,7 +135,7 @@ fn an_empty_plain_has_no_viable_viewpoint_and_says_why() {
         heard.set(tried);
     };
     let caster = Raycaster::new(&scene);
-    let error = sample_pairs_aloud(&scene, [&caster; 2], &PairPlan::default(), &Some, &progress)
+    let error = sample_pairs_between(&scene, [&caster; 2], &PairPlan::default(), &Some, &progress)
         .expect_err("nothing to see");
     let ViewpointError::NoViewpoint { found: 0, rejected, attempts, .. } = &error else {
         panic!("{error}")

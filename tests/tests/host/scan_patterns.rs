@@ -28,8 +28,7 @@ fn pattern(name: &str) -> ScanPattern {
 fn sensor_and_host_agree_on_every_beam_s_direction_to_a_millionth() {
     let odd = Grid { columns: 333, rows: 77, azimuth_cdeg: 36_000, elevation_cdeg: 4_321 };
     let grids = [ScanPattern::Grid(odd), ScanPattern::Raster(odd)];
-    let named = ["grid", "raster", "livox-mid-40"].iter().chain(&SPINNING).map(|n| pattern(n));
-    for pattern in named.chain(grids) {
+    for pattern in ScannerConfig::patterns().map(pattern).chain(grids) {
         let beams = Beams::new(pattern);
         let (mut worst, mut worst_of_host) = (0.0_f64, 0.0_f64);
         for scan in [0, 1, 299, 1_000_000] {

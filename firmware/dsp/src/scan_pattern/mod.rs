@@ -1,6 +1,7 @@
 //! Scan patterns: directions of the beams, and points that echoes come from.
 //!
-//! A new pattern is a file in this folder, and its variant and match arms here.
+//! A new pattern is a file in this folder, its variant and match arms here, and its name in
+//! `host/closed_loop/src/config/scanner.rs`: the host asks [`ScanPattern`] for the rest.
 
 mod angle;
 pub mod grid;
@@ -115,8 +116,8 @@ impl ScanPattern {
         Some(unit)
     }
 
-    /// Unit vector of a beam by its definition, in f64, which [`ScanPattern::unit`] is held to.
-    /// `None` as for that.
+    /// Unit vector of a beam by its definition, in f64, which [`ScanPattern::unit`] is compared
+    /// with. `None` as for that.
     pub fn exact_unit(&self, scan: u32, beam: u32) -> Option<[f64; 3]> {
         match self {
             _ if beam >= self.beams() => None,
@@ -142,14 +143,40 @@ impl ScanPattern {
         }
     }
 
-    /// Column and row of a beam; the row is the number of the laser in a head. A pattern without
-    /// them counts as one row.
+    /// Column and row of a beam, 0 the lowest row. A pattern without them counts as one row.
     pub fn column_and_row(&self, beam: u32) -> [u32; 2] {
         match self {
             Self::Grid(grid) => grid.by_columns(beam),
             Self::Raster(grid) => grid.by_lines(beam),
-            Self::Spinning(spinning) => spinning.column_and_laser(beam),
+            Self::Spinning(spinning) => {
+                let [column, _] = spinning.column_and_laser(beam);
+                [column, spinning.ring(beam)]
+            }
             Self::Rosette(_) | Self::Table(_) => [beam, 0],
+        }
+    }
+
+    /// Number of the column, or of the line of a raster, whose beams are fired together or soon
+    /// after each other.
+    pub fn burst(&self, beam: u32) -> u32 {
+        let [column, row] = self.column_and_row(beam);
+        if matches!(self, Self::Raster(_)) { row } else { column }
+    }
+
+    /// Time at which a beam is fired, as a fraction of the scan: numerator and denominator. `None`
+    /// where times are even: beam b of n at (b + ½)/n.
+    pub fn time(&self, beam: u32) -> Option<[u32; 2]> {
+        match self {
+            Self::Spinning(spinning) => Some(spinning.time(beam)),
+            _ => None,
+        }
+    }
+
+    /// Duration of a scan at the pattern's own rate, s; 0 for a pattern without one.
+    pub fn duration_s(&self) -> f64 {
+        match self {
+            Self::Rosette(rosette) => rosette.duration_s(),
+            _ => 0.0,
         }
     }
 

@@ -77,6 +77,11 @@ impl Rosette {
         [libm::cos(off), y * side, z * side]
     }
 
+    /// Time that the beams of a scan take, s.
+    pub fn duration_s(&self) -> f64 {
+        f64::from(self.beams) / f64::from(self.rate_hz.max(1))
+    }
+
     pub(super) fn to_words(self) -> Fields {
         let [first, second] = self.rotors_rpm.map(i32::cast_unsigned);
         let [a, b] = self.bends_cdeg.map(u32::from);

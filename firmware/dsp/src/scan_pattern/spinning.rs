@@ -110,6 +110,14 @@ impl Spinning {
         [beam.checked_div(lasers).unwrap_or(0), beam.checked_rem(lasers).unwrap_or(0)]
     }
 
+    /// Index of a beam's laser among all by elevation, 0 the lowest.
+    pub fn ring(&self, beam: u32) -> u32 {
+        let [_, laser] = self.column_and_laser(beam);
+        let lasers = self.model.lasers();
+        let Some([elevation, _]) = lasers.get(laser as usize) else { return 0 };
+        lasers.iter().filter(|[other, _]| other < elevation).count() as u32
+    }
+
     /// Time at which a beam is fired, as a fraction of the scan: numerator and denominator.
     pub fn time(&self, beam: u32) -> [u32; 2] {
         let [column, laser] = self.column_and_laser(beam);

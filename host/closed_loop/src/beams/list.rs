@@ -1,4 +1,4 @@
-//! Anybody's scan pattern: a list of beams in a CSV file.
+//! Scan pattern as a list of beams in a CSV file.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -9,43 +9,44 @@ use std::sync::Arc;
 use crc::{CRC_32_ISCSI, Crc};
 use csv::{ByteRecord, ReaderBuilder};
 use echoloop_dsp::BeamTable;
+use echoloop_dsp::scan_pattern::exact_unit;
 use echoloop_files::{shown, shown_most};
 
 use echoloop_sensors::pattern::MOST_IN_ALL;
 
-/// Beams of a list at most: a scan of an OS1-128 with 1024 columns.
+/// Most beams of a list: a scan of an OS1-128 with 1024 columns.
 pub const MOST_LISTED: usize = MOST_IN_ALL as usize;
 
-/// Channels at most, as many as a grid has rows.
+/// Most channels, as many as a grid has rows.
 pub const MOST_CHANNELS: u16 = 1024;
 
-/// Bytes of a file that are looked at: more than as many beams take with every digit of an `f64`.
+/// Most bytes read of a file: more than [`MOST_LISTED`] beams take with every digit of an `f64`.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// The columns, in any order; others are passed over.
+/// Columns, in any order; others are ignored.
 pub const COLUMNS: [&str; 4] = ["azimuth_deg", "elevation_deg", "time_s", "channel"];
 
-/// A beam, in whole units: what a list says is rounded to them.
+/// Beam in whole units, to which the numbers of a list are rounded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ListedBeam {
-    /// From ahead towards the left, 10⁻⁶ degrees.
+    /// Azimuth from ahead towards the left, 10⁻⁶ degrees.
     pub azimuth_udeg: i32,
-    /// Up, 10⁻⁶ degrees.
+    /// Elevation upwards, 10⁻⁶ degrees.
     pub elevation_udeg: i32,
-    /// From the scan's beginning, ns.
+    /// Firing time from the beginning of the scan, ns.
     pub time_ns: u64,
-    /// Which laser and receiver, from 0.
+    /// Number of laser and receiver, from 0.
     pub channel: u16,
 }
 
-/// A list of beams, in the order in which the link has them.
+/// List of beams, in their order on the link.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BeamList {
-    /// The beams.
+    /// Beams.
     pub beams: Vec<ListedBeam>,
-    /// How many beams of its channel come before each.
+    /// Number of beams of the same channel before each beam.
     pub shots: Vec<u32>,
-    /// The time of the latest beam, ns, and its line.
+    /// Time of the latest beam, ns, and its line in the file.
     pub latest: (u64, u64),
 }
 
@@ -54,7 +55,7 @@ impl BeamList {
     ///
     /// # Errors
     ///
-    /// What is wrong, and in which line.
+    /// Message with the line and what is wrong in it.
     pub fn read(path: &Path) -> Result<Self, String> {
         let file = File::open(path).map_err(|error| format!("cannot be read: {error}"))?;
         Self::from_csv(file)
@@ -76,14 +77,14 @@ impl BeamList {
         loop {
             let line = lines.at(reader.position().byte());
             let in_line = |why: String| format!("line {line}: {why}");
-            if !reader.read_byte_record(&mut record).map_err(|error| in_line(said(&error)))? {
+            if !reader.read_byte_record(&mut record).map_err(|error| in_line(message(&error)))? {
                 break;
             }
             if list.beams.len() == MOST_LISTED {
                 return Err(in_line(format!("more than {MOST_LISTED} beams")));
             }
             let beam = beam(&record, places).map_err(in_line)?;
-            if let Some(first) = seen.insert(beam.alike(), line) {
+            if let Some(first) = seen.insert(beam.canonical(), line) {
                 let why = format!("the beam of line {first} again (same direction and time)");
                 return Err(in_line(why));
             }
@@ -108,7 +109,7 @@ impl BeamList {
         self.beams.push(beam);
     }
 
-    /// The list as CSV that reads back as itself.
+    /// CSV that reads back as the same list.
     pub fn to_csv(&self) -> String {
         let line = |beam: &ListedBeam| {
             let degrees = |udeg: i32| f64::from(udeg) / 1e6;
@@ -119,12 +120,12 @@ impl BeamList {
         COLUMNS.join(",") + "\n" + &self.beams.iter().map(line).collect::<String>()
     }
 
-    /// The channel of each beam.
+    /// Channel of each beam.
     pub fn channels(&self) -> Arc<[u16]> {
         self.beams.iter().map(|beam| beam.channel).collect()
     }
 
-    /// What a sensor and a host know it by.
+    /// Numbers and hash by which sensor and host identify the list.
     pub fn name(&self) -> BeamTable {
         let crc = Crc::<u32>::new(&CRC_32_ISCSI);
         let mut sum = crc.digest();
@@ -140,16 +141,22 @@ impl BeamList {
 }
 
 impl ListedBeam {
-    /// What two beams that are alike have in common: the direction, however it is written, and the
-    /// time.
-    fn alike(&self) -> (i32, i32, u64) {
+    /// Unit vector, sensor frame: x ahead, y left, z up.
+    pub(super) fn exact_unit(&self) -> [f64; 3] {
+        let [azimuth, elevation] = [self.azimuth_udeg, self.elevation_udeg];
+        exact_unit(f64::from(azimuth) / 1e6, f64::from(elevation) / 1e6)
+    }
+
+    /// Direction and time in a form that is equal for equal beams: azimuth modulo 360°, and 0
+    /// straight up and down.
+    fn canonical(&self) -> (i32, i32, u64) {
         let straight_up = self.elevation_udeg.abs() == 90_000_000;
         let azimuth = if straight_up { 0 } else { self.azimuth_udeg.rem_euclid(360_000_000) };
         (azimuth, self.elevation_udeg, self.time_ns)
     }
 }
 
-/// A file's first bytes, without a mark of their order.
+/// First bytes of a file, without a byte order mark.
 fn read_most(from: impl Read) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
     let read = from.take(MOST_BYTES).read_to_end(&mut bytes);
@@ -160,7 +167,7 @@ fn read_most(from: impl Read) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-/// Lines of a text, counted as it is read: the reader's own count leaves out CR LF.
+/// Line counter of a text: the reader's own count leaves out CR LF.
 struct Lines<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -168,7 +175,7 @@ struct Lines<'a> {
 }
 
 impl Lines<'_> {
-    /// The line of what stands at a place, or after it where that is no more than an end of line.
+    /// Line of the record at a byte, past any ends of line.
     fn at(&mut self, byte: u64) -> u64 {
         let is_end = |byte: &u8| matches!(byte, b'\r' | b'\n');
         let from = usize::try_from(byte).unwrap_or(usize::MAX).min(self.bytes.len());
@@ -179,7 +186,7 @@ impl Lines<'_> {
     }
 }
 
-/// Where each of [`COLUMNS`] stands in a line.
+/// Index of each of [`COLUMNS`] in a line.
 fn places(header: &ByteRecord) -> Result<[usize; 4], String> {
     let names: Vec<String> =
         header.iter().map(|name| String::from_utf8_lossy(name).into_owned()).collect();
@@ -234,8 +241,8 @@ fn number(
     })
 }
 
-/// What the reader has to say of a line.
-fn said(error: &csv::Error) -> String {
+/// Message of the reader about a line.
+fn message(error: &csv::Error) -> String {
     match error.kind() {
         csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
             format!("{len} values for {expected_len} columns")
@@ -288,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_beam_is_named_with_its_line_and_the_reason() {
+    fn a_bad_line_is_refused_with_its_number_and_the_reason() {
         for (text, said) in [
             ("", "line 1: no column azimuth_deg in the header ''"),
             (
@@ -328,9 +335,9 @@ mod tests {
     }
 
     #[test]
-    fn a_list_of_as_many_beams_as_there_may_be_is_read_and_no_more_of_a_longer_one() {
+    fn a_list_of_the_most_beams_is_read_and_a_longer_one_is_not_read_to_its_end() {
         use std::cell::Cell;
-        /// Rows without end, and how many bytes of them were asked for.
+        /// Endless rows, and a count of the bytes read.
         struct Endless<'a>(u64, Vec<u8>, &'a Cell<usize>);
         impl Read for Endless<'_> {
             fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {

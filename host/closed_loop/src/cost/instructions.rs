@@ -1,4 +1,4 @@
-//! A model of the detector's instructions, fitted to what was counted.
+//! Model of the detector's instructions, fitted to counts.
 //!
 //! | stage | instructions |
 //! |---|---|
@@ -9,24 +9,25 @@
 //! | peaks | `a + b N + c E` |
 //! | report | `E (a + b T)`; `+ c + d E` where several echoes are kept; `+ e` for each near one |
 //!
-//! N samples, T taps, E echoes found. By least squares of relative errors on the recorded cases, at
-//! run time: no coefficient is written anywhere. Upsampling adds less than the model is off by.
+//! N samples, T taps, E echoes found. Least squares of relative errors over the counted cases,
+//! solved at run time, so that no coefficient has to be kept up to date. Upsampling adds less than
+//! the model's error.
 
 use echoloop_dsp::{Hardware, Settings};
 use nalgebra::{DMatrix, DVector};
 
 use super::record::{Case, Load};
 
-/// The stages of a processor, fitted.
+/// Fitted stages of a processor.
 pub(super) struct Model {
     shot: Stage,
     sum: Stage,
-    /// From a waveform to its echoes.
+    /// Stages from a waveform to its echoes.
     pipeline: Vec<Stage>,
 }
 
 impl Model {
-    /// Fitted to what was counted.
+    /// Fits the model to counts.
     pub(super) fn fitted(cases: &[Case]) -> Self {
         let of_shots: Terms = |load| vec![1.0, load.samples];
         let pipeline = OF_PIPELINE.iter().map(|(name, terms)| Stage::fitted(name, *terms, cases));
@@ -37,8 +38,8 @@ impl Model {
         }
     }
 
-    /// Instructions a waveform of settings, of so many echoes and near ones; `None` of settings
-    /// that are refused.
+    /// Instructions a waveform by settings and `[echoes, near echoes]`; `None` for settings that
+    /// are refused.
     pub(super) fn of(
         &self,
         settings: &Settings,
@@ -58,18 +59,17 @@ impl Model {
     }
 }
 
-/// What a stage's instructions are a sum of.
+/// Terms whose weighted sum is the instructions of a stage.
 type Terms = fn(&Load) -> Vec<f64>;
 
-/// A stage, fitted.
+/// Fitted stage.
 struct Stage {
     terms: Terms,
     coefficients: DVector<f64>,
 }
 
 impl Stage {
-    /// The coefficients with which terms come nearest to what was counted of a stage, by the
-    /// squares of relative errors.
+    /// Fits the coefficients of a stage by least squares of relative errors.
     fn fitted(name: &str, terms: Terms, cases: &[Case]) -> Self {
         let counted = cases.iter().filter_map(|case| Some((case, *case.stages.get(name)?)));
         let counted: Vec<(&Case, f64)> = counted.filter(|(_, n)| *n > 0.0).collect();
@@ -108,11 +108,11 @@ mod tests {
     use super::*;
     use crate::cost::record::{REFERENCE, cases};
 
-    /// How far the model may be off what was counted, as a fraction.
+    /// Largest relative error of the model.
     const TOLERANCE: f64 = 0.05;
 
     #[test]
-    fn the_model_is_within_five_percent_of_every_waveform_that_was_counted() {
+    fn the_model_is_within_five_percent_of_every_counted_waveform() {
         let cases = cases(REFERENCE);
         let model = Model::fitted(&cases);
         assert!(cases.len() >= 8, "{} cases are read of the record", cases.len());
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn sixteen_shots_cost_what_sixteen_were_counted_to_cost_and_their_sum() {
+    fn sixteen_shots_cost_sixteen_counted_shots_and_their_sum() {
         let cases = cases(REFERENCE);
         let model = Model::fitted(&cases);
         for case in &cases {
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_waveform_that_was_left_out_of_the_fit_is_foretold_to_a_tenth() {
+    fn a_waveform_left_out_of_the_fit_is_predicted_within_a_tenth() {
         let mut rest = cases(REFERENCE);
         let left_out = rest.iter().position(|case| case.name == "1024x16 one echo");
         let case = rest.remove(left_out.expect("it was counted"));

@@ -1,14 +1,14 @@
-//! Which of the costs.
+//! Kinds of cost.
 
 use serde::{Deserialize, Serialize};
 
 use super::ScanCost;
 
-/// One of the costs of a scan.
+/// Kind of cost of a scan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum CostKind {
-    /// Light emitted.
+    /// Emitted light.
     #[default]
     Energy,
     /// Instructions of the detector a waveform.
@@ -20,10 +20,10 @@ pub enum CostKind {
 }
 
 impl CostKind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 4] = [Self::Energy, Self::Instructions, Self::Bits, Self::Seconds];
 
-    /// As a sentence has it.
+    /// Name in a sentence.
     pub fn name(self) -> &'static str {
         match self {
             Self::Energy => "energy",
@@ -33,7 +33,7 @@ impl CostKind {
         }
     }
 
-    /// As the head of a column has it.
+    /// Title of a column.
     pub fn title(self) -> &'static str {
         match self {
             Self::Energy => "energy of a scan",
@@ -43,8 +43,8 @@ impl CostKind {
         }
     }
 
-    /// The parameters that it hangs on, by name; none: on any of the sensor's, for each may change
-    /// how many echoes there are.
+    /// Names of the parameters that it depends on. Empty where it depends on all of the sensor's,
+    /// for each may change the number of echoes.
     pub fn changed_by(self) -> &'static [&'static str] {
         match self {
             Self::Energy => &["lidar.power", "lidar.pulse_width", "lidar.shots"],
@@ -53,7 +53,7 @@ impl CostKind {
         }
     }
 
-    /// Its unit; empty for plain numbers.
+    /// Unit; empty for plain numbers.
     pub fn unit(self) -> &'static str {
         match self {
             Self::Energy => "J",
@@ -63,7 +63,7 @@ impl CostKind {
         }
     }
 
-    /// Its value.
+    /// Value of this kind.
     pub fn of(self, cost: &ScanCost) -> f64 {
         match self {
             Self::Energy => cost.energy_j,
@@ -73,12 +73,12 @@ impl CostKind {
         }
     }
 
-    /// A value with its unit, three digits and an SI prefix: `4.61 mJ`.
+    /// Value in three digits with SI prefix and unit: `4.61 mJ`.
     pub fn text(self, value: f64) -> String {
         if !value.is_finite() || value <= 0.0 {
             return "–".into();
         }
-        // Of what rounds up to a thousand, the next.
+        // A value that rounds up to 1000 takes the next prefix.
         let exponent = (libm::log10(value * 1.000_5).floor() as i32).clamp(-18, 14);
         let thousands = exponent.div_euclid(3);
         let digits = value / libm::pow(10.0, f64::from(3 * thousands));
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cost_is_said_in_three_digits() {
+    fn a_cost_is_printed_in_three_digits() {
         let energy = |value| CostKind::Energy.text(value);
         assert_eq!(energy(4.608e-3), "4.61 mJ");
         assert_eq!(energy(0.999_7), "1.00 J");

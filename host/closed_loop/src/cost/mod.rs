@@ -1,12 +1,12 @@
-//! What a scan costs: energy, the detector's instructions, bits on the link, time.
+//! Cost of a scan: energy, the detector's instructions, bits on the link, time.
 //!
 //! - **Energy**, J: P · W · shots · beams. A sin² pulse of peak P and FWHM W carries exactly P · W
 //!   (benches/record/physics.md).
-//! - **Instructions** a waveform: a model of the microcontroller's, fitted to
+//! - **Instructions** a waveform: a model fitted to the counts on the microcontroller in
 //!   `firmware/image/cost.tsv`, which `cargo xtask cost` writes.
-//! - **Bits**: the frames of the scan, both ways ([`scan_bits`]).
-//! - **Seconds**: one converter, so beams · shots · 2 R_max/c, or the pattern's time where that is
-//!   more.
+//! - **Bits**: frames of the scan, both ways ([`scan_bits`]).
+//! - **Seconds**: beams · shots · 2 R_max/c with one converter, or the duration of the pattern
+//!   where that is longer.
 
 mod instructions;
 mod kind;
@@ -23,10 +23,10 @@ pub use kind::CostKind;
 pub use processor::Processor;
 use record::near_mm;
 
-/// What a scan costs.
+/// Cost of a scan.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ScanCost {
-    /// Light emitted, J.
+    /// Emitted light, J.
     pub energy_j: f64,
     /// Instructions of the detector a waveform, shots of a beam together, on a Cortex-M4.
     pub instructions: f64,
@@ -36,31 +36,25 @@ pub struct ScanCost {
     pub seconds: f64,
 }
 
-/// A sensor that scans: what a cost hangs on besides the settings and the echoes.
+/// Properties of the sensor that a cost depends on besides settings and echoes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scanner {
-    /// What its hardware fixes.
+    /// Hardware of the sensor.
     pub hardware: Hardware,
-    /// Beams of a scan.
+    /// Number of beams of a scan.
     pub beams: u32,
-    /// Time that the pattern takes for a scan, s; 0 where it leaves that open.
+    /// Duration of a scan by its pattern or motion, s; 0 where that is open.
     pub duration_s: f64,
 }
 
 impl Scanner {
-    /// One whose scans take so long, s, or as long as the pattern's beams do by themselves; 0: the
-    /// pattern leaves that open.
+    /// Scanner whose scans take `duration_s`, or the pattern's own duration where that is longer.
     pub fn new(hardware: Hardware, pattern: &ScanPattern, duration_s: f64) -> Self {
-        let own_s = match pattern {
-            ScanPattern::Rosette(rosette) => {
-                f64::from(rosette.beams) / f64::from(rosette.rate_hz.max(1))
-            }
-            _ => 0.0,
-        };
-        Self { hardware, beams: pattern.beams(), duration_s: own_s.max(duration_s) }
+        let duration_s = pattern.duration_s().max(duration_s);
+        Self { hardware, beams: pattern.beams(), duration_s }
     }
 
-    /// What a scan cost that found these echoes.
+    /// Cost of a scan that found these echoes.
     pub fn cost(&self, settings: &Settings, scan: &[Echoes]) -> ScanCost {
         ScanCost {
             energy_j: self.energy_j(settings),
@@ -70,20 +64,20 @@ impl Scanner {
         }
     }
 
-    /// Light of a scan, J: 1 µW · 1 ps is 10⁻¹⁸ J.
+    /// Emitted light of a scan, J: 1 µW · 1 ps is 10⁻¹⁸ J.
     fn energy_j(&self, settings: &Settings) -> f64 {
         let pulse_j = f64::from(settings.power_uw) * f64::from(settings.pulse_width_ps) * 1e-18;
         pulse_j * self.shots(settings)
     }
 
-    /// Shots of a scan.
+    /// Number of shots of a scan.
     fn shots(&self, settings: &Settings) -> f64 {
         f64::from(settings.shots) * f64::from(self.beams)
     }
 
-    /// A shot is over when light could be back from the end of the window. The sensor's program has
-    /// one converter and fires a beam when the one before has been read ([`Board::samples`]), so
-    /// shots follow one another; a pattern whose head turns slower waits for it.
+    /// Duration of a scan, s. A shot ends when light could be back from the end of the window. The
+    /// sensor has one converter and fires a beam once the one before is read ([`Board::samples`]),
+    /// so shots follow one another; a head that turns slower sets the time.
     ///
     /// [`Board::samples`]: echoloop_sensor::Board::samples
     fn seconds(&self, settings: &Settings) -> f64 {
@@ -92,7 +86,7 @@ impl Scanner {
         (self.shots(settings) * shot_s).max(self.duration_s)
     }
 
-    /// The mean over the waveforms of a scan; NaN of settings that no sensor takes.
+    /// Mean over the waveforms of a scan; NaN for settings that a sensor refuses.
     fn instructions(&self, settings: &Settings, scan: &[Echoes]) -> f64 {
         let waveforms = scan.len().max(1) as f64;
         let near_mm = near_mm(settings);
@@ -105,11 +99,11 @@ impl Scanner {
 }
 
 impl ScanCost {
-    /// One that nobody knows.
+    /// Unknown cost: NaN throughout.
     pub const UNKNOWN: Self =
         Self { energy_j: f64::NAN, instructions: f64::NAN, bits: f64::NAN, seconds: f64::NAN };
 
-    /// The mean of some; `None` of none.
+    /// Mean cost; `None` of an empty slice.
     pub fn mean(costs: &[Self]) -> Option<Self> {
         let mean =
             |value: fn(&Self) -> f64| costs.iter().map(value).sum::<f64>() / costs.len() as f64;
@@ -132,7 +126,7 @@ mod tests {
         Scanner::new(Hardware::REFERENCE, &ScanPattern::default(), 0.0)
     }
 
-    /// A scan of which every other beam has so many echoes at a range.
+    /// Scan in which every other beam has `echoes` echoes at a range.
     fn scan(echoes: usize, range_m: u32) -> Vec<Echoes> {
         let echo = Echo { range: range_m * 256_000, ..Default::default() };
         let beam = |i| (0..if i % 2 == 0 { echoes } else { 0 }).map(|_| echo).collect();
@@ -140,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn energy_is_that_of_all_pulses_and_time_that_of_light_out_and_back() {
+    fn energy_is_the_sum_of_all_pulses_and_time_that_of_light_out_and_back() {
         let cost = |settings: Settings| scanner().cost(&settings, &scan(1, 10));
         let usual = cost(Settings::default());
         // 192 × 64 pulses of 375 nJ
@@ -156,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn bits_grow_with_echoes_and_instructions_with_samples_shots_and_what_is_near() {
+    fn bits_grow_with_echoes_and_instructions_with_samples_shots_and_near_echoes() {
         let cost =
             |settings: Settings, echoes, range_m| scanner().cost(&settings, &scan(echoes, range_m));
         let usual = cost(Settings::default(), 1, 10);
@@ -176,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_of_costs_is_taken_one_by_one() {
+    fn the_mean_of_costs_is_taken_field_by_field() {
         let cost = |x: f64| ScanCost { energy_j: x, instructions: 2.0 * x, bits: 3.0, seconds: x };
         assert_eq!(ScanCost::mean(&[cost(1.0), cost(3.0)]), Some(cost(2.0)));
         assert_eq!(ScanCost::mean(&[]), None);

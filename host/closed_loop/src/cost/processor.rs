@@ -1,4 +1,4 @@
-//! Processors whose instructions were counted, and how many scans a second they hold.
+//! Processors whose instructions were counted.
 
 use std::sync::LazyLock;
 
@@ -7,25 +7,25 @@ use echoloop_dsp::{Hardware, Settings};
 use super::instructions::Model;
 use super::record::{REFERENCE, cases, near_mm};
 
-/// A processor, with the fastest loops there are for it.
+/// Processor with the fastest loops for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Processor {
-    /// As in `firmware/image/cost.tsv`.
+    /// Name in `firmware/image/cost.tsv`.
     pub name: &'static str,
-    /// Its loops, as there.
+    /// Name of its loops there.
     pub loops: &'static str,
-    /// A part that has it.
+    /// Part with this processor.
     pub part: &'static str,
-    /// The fastest clock of that part, by its data sheet, MHz.
+    /// Highest clock of that part by its data sheet, MHz.
     pub clock_mhz: f64,
 }
 
 impl Processor {
-    /// The one whose instructions a search counts.
+    /// Processor whose instructions a search counts.
     pub const REFERENCE: Self =
         Self { name: REFERENCE[0], loops: REFERENCE[1], part: "STM32F405", clock_mhz: 168.0 };
 
-    /// All of them, the slowest part first.
+    /// All processors, the slowest part first.
     pub const ALL: [Self; 5] = [
         Self { name: "rv32imac", loops: "scalar", part: "RP2350", clock_mhz: 150.0 },
         Self::REFERENCE,
@@ -34,13 +34,13 @@ impl Processor {
         Self { name: "cortex-m55", loops: "mve", part: "STM32N657", clock_mhz: 800.0 },
     ];
 
-    /// Its name in the record.
+    /// Processor and loops in the table.
     fn record(&self) -> [&'static str; 2] {
         [self.name, self.loops]
     }
 
-    /// Instructions of the detector for a beam, all its shots together, with so many echoes;
-    /// `None` of settings that are refused.
+    /// Instructions of the detector for a beam with `echoes` echoes, all its shots together; `None`
+    /// for settings that are refused.
     pub fn instructions(
         &self,
         settings: &Settings,
@@ -51,7 +51,7 @@ impl Processor {
         self.model()?.of(settings, hardware, [echoes.into(), near_echoes])
     }
 
-    /// Its model; `None` of a processor that is none of these.
+    /// Fitted model; `None` for a processor not in [`Self::ALL`].
     pub(super) fn model(&self) -> Option<&'static Model> {
         MODELS.iter().find(|(processor, _)| processor == self).map(|(_, model)| model)
     }
@@ -65,9 +65,9 @@ static MODELS: LazyLock<Vec<(Processor, Model)>> = LazyLock::new(|| {
 mod tests {
     use super::*;
 
-    /// Eight samples at a time make steps that a straight line passes by.
+    /// Eight samples at a time make steps that a linear model does not follow.
     #[test]
-    fn the_model_is_within_six_percent_of_what_was_counted_and_eleven_on_the_cortex_m55() {
+    fn the_model_is_within_six_percent_of_the_counts_and_eleven_on_the_cortex_m55() {
         for (processor, model) in MODELS.iter() {
             let cases = cases(processor.record());
             assert!(cases.len() >= 8, "{} cases of {}", cases.len(), processor.name);
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn a_processor_takes_more_for_more_echoes_and_none_for_settings_that_are_refused() {
+    fn more_echoes_take_more_instructions_and_refused_settings_have_no_count() {
         let hardware = Hardware::REFERENCE;
         let settings = Settings { echoes: 4, ..Settings::default() };
         for processor in Processor::ALL {

@@ -1,47 +1,47 @@
-//! The detector's instructions, as they were counted on the microcontroller.
+//! Counts of the detector's instructions on microcontrollers.
 
 use std::collections::BTreeMap;
 
 use echoloop_dsp::{DetectorConfig, Hardware, Settings};
 
-/// `cargo xtask cost --update` writes it.
+/// Counts that `cargo xtask cost --update` writes.
 const TABLE: &str = include_str!("../../../../firmware/image/cost.tsv");
 
-/// Whose instructions a search counts: processor and loops.
+/// Processor and loops whose instructions a search counts.
 pub(super) const REFERENCE: [&str; 2] = ["cortex-m4", "dual_multiply"];
 
-/// A waveform that was counted.
+/// Counted waveform.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Case {
-    /// As the table has it: `800x12 four echoes, near gain`.
+    /// Name in the table: `800x12 four echoes, near gain`.
     pub(super) name: &'static str,
-    /// What it hangs on.
+    /// Size of the waveform.
     pub(super) load: Load,
     /// Instructions of each stage.
     pub(super) stages: BTreeMap<&'static str, f64>,
 }
 
-/// What the instructions of a waveform hang on.
+/// Quantities that the instructions of a waveform depend on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Load {
-    /// Samples.
+    /// Number of samples.
     pub(super) samples: f64,
-    /// Taps of the filter.
+    /// Number of taps of the filter.
     pub(super) taps: f64,
-    /// Samples before the gain is full.
+    /// Number of samples before the gain is full.
     pub(super) near_samples: f64,
-    /// Echoes found.
+    /// Number of echoes found.
     pub(super) echoes: f64,
-    /// Those of them before the gain is full.
+    /// Number of echoes before the gain is full.
     pub(super) near_echoes: f64,
-    /// Whether more than one echo is kept: what others hide is then looked for.
+    /// True when more than one echo is kept: hidden echoes are then searched for.
     pub(super) several: bool,
-    /// Shots.
+    /// Number of shots.
     pub(super) shots: f64,
 }
 
 impl Load {
-    /// That of settings, with so many echoes a waveform; `None` of settings that are refused.
+    /// Load of settings with these echoes a waveform; `None` for settings that are refused.
     pub(super) fn new(
         settings: &Settings,
         hardware: &Hardware,
@@ -60,7 +60,7 @@ impl Load {
     }
 }
 
-/// Echoes nearer than that, in mm, are detected at a gain that still rises; 0: it never does.
+/// Range below which the gain still rises, mm; 0 for a constant gain.
 pub(super) fn near_mm(settings: &Settings) -> u32 {
     match settings.gain_slope_mdb_m {
         0 => 0,
@@ -68,7 +68,7 @@ pub(super) fn near_mm(settings: &Settings) -> u32 {
     }
 }
 
-/// What was counted on a processor with its loops, waveform by waveform.
+/// Counted waveforms of a processor with its loops.
 pub(super) fn cases(of: [&str; 2]) -> Vec<Case> {
     let mut cases: Vec<Case> = Vec::new();
     for line in TABLE.lines() {
@@ -89,7 +89,7 @@ pub(super) fn cases(of: [&str; 2]) -> Vec<Case> {
     cases
 }
 
-/// What the name of a case says: `256x16 one echo` are 256 samples and 16 taps.
+/// Load by the name of a case: `256x16 one echo` has 256 samples and 16 taps.
 fn load(name: &str) -> Option<Load> {
     let (size, rest) = name.split_once(' ')?;
     let (samples, taps) = size.split_once('x')?;
@@ -113,6 +113,6 @@ fn load(name: &str) -> Option<Load> {
     })
 }
 
-/// Of the case with a gain that rises to 40 m: 39 of 119 m are before, and the first of four
-/// echoes.
+/// Samples before 40 m, where the gain of the near case is full: 39 of 119 m. One of its four
+/// echoes is nearer.
 const NEAR_SAMPLES: f64 = 800.0 * 39.0 / 119.0;

@@ -1,4 +1,4 @@
-//! What a set of pairs is like.
+//! Statistics of a set of pairs: overlaps and distances.
 
 use std::fmt;
 
@@ -8,29 +8,29 @@ use super::pairs::{Dataset, ScanPair};
 use echoloop_registration::pose::Pose;
 use echoloop_statistics::{median, quantile};
 
-/// What a set of pairs is like.
+/// Statistics of a set of pairs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Facts {
-    /// Of the pairs to tune on.
+    /// Overlaps of the pairs to tune on.
     pub train: Overlaps,
-    /// Of the pairs to judge on.
+    /// Overlaps of the pairs to judge on.
     pub test: Overlaps,
-    /// Least distance between a viewpoint to tune on and one to judge on in the same town, m; none
-    /// where no town has both.
+    /// Least distance between a viewpoint to tune on and one to judge on in the same town, m;
+    /// `None` where no town has both.
     pub least_apart_m: Option<f64>,
 }
 
-/// How much of what either scan of a pair sees the other sees, too.
+/// Distribution of the overlaps of pairs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Overlaps {
-    /// Pairs.
+    /// Number of pairs.
     pub pairs: usize,
-    /// The least, the lowest tenth, the median, the highest tenth, the most; of no pair 0.
+    /// Minimum, 10 % quantile, median, 90 % quantile, maximum; 0 without pairs.
     pub overlap: [f64; 5],
 }
 
 impl Facts {
-    /// Of the pairs of a run.
+    /// Statistics of the pairs of a run.
     pub fn new(dataset: &Dataset) -> Self {
         let Dataset { train, test, .. } = dataset;
         let apart = |a: &ScanPair| {
@@ -48,7 +48,7 @@ impl Facts {
 }
 
 impl Overlaps {
-    /// Of pairs that share so much.
+    /// Distribution of these overlaps.
     pub fn new(overlaps: impl Iterator<Item = f64>) -> Self {
         let mut sorted: Vec<f64> = overlaps.collect();
         sorted.sort_by(f64::total_cmp);
@@ -73,11 +73,11 @@ pub fn apart_m(a: &[Pose; 2], b: &[Pose; 2]) -> f64 {
 /// between them`.
 impl fmt::Display for Facts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let told = |overlaps: &Overlaps, to: &str| {
+        let phrase = |overlaps: &Overlaps, to: &str| {
             let Overlaps { pairs, overlap: [least, _, median, _, most] } = overlaps;
             format!("{pairs} pairs to {to} on, overlap {least:.2} to {most:.2}, median {median:.2}")
         };
-        write!(f, "{}; {}", told(&self.train, "tune"), told(&self.test, "judge"))?;
+        write!(f, "{}; {}", phrase(&self.train, "tune"), phrase(&self.test, "judge"))?;
         match self.least_apart_m {
             Some(least_m) => write!(f, "; at least {least_m:.1} m between them"),
             None => Ok(()),

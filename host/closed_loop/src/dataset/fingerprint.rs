@@ -1,5 +1,5 @@
-//! What a search is made of besides its configuration, as checksums: its numbers go on only from
-//! the same.
+//! Checksums of everything that a search depends on besides its configuration: a search resumes
+//! only where they are equal.
 
 use std::path::Path;
 use std::sync::OnceLock;
@@ -15,21 +15,21 @@ use crate::dataset::source::Source;
 use crate::dataset::{Dataset, ScanPair};
 use echoloop_sensors::sensor::Model;
 
-/// Checksums, each of 16 hexadecimal digits.
+/// Checksums of scene, sensor and scans, each of 16 hexadecimal digits.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Content {
-    /// Of the scene's file; none of a generated scene.
+    /// Checksum of the scene's file; `None` for a generated scene.
     pub scene: Option<String>,
-    /// Of the files of materials that an OBJ names.
+    /// Checksum of the material files that an OBJ names.
     pub materials: Option<String>,
-    /// Of the sensor's front end, scan pattern and hardware: what shapes its waveforms.
+    /// Checksum of front end, scan pattern and hardware, which shape the waveforms.
     pub front_end: String,
-    /// Of every scan's returns, and of the true motions.
+    /// Checksum of all returns and true motions.
     pub scans: String,
 }
 
-/// The files that a scene is read from, as checksums.
+/// Checksums of the files that a scene is read from.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneFiles {
@@ -40,7 +40,7 @@ pub struct SceneFiles {
 }
 
 impl SceneFiles {
-    /// As they are now; none of a file that is not there.
+    /// Checksums of the files as they are now; `None` for a missing file.
     pub fn of(config: &RunConfig) -> Self {
         let files = Source::of(&config.scene.source).files();
         let libraries = config.scene.import().map(|options| options.libraries).unwrap_or_default();
@@ -56,7 +56,7 @@ impl SceneFiles {
 }
 
 impl Content {
-    /// What a configuration and its traced scans come to.
+    /// Checksums of a configuration and its traced scans.
     pub fn of(config: &RunConfig, dataset: &Dataset) -> Self {
         let SceneFiles { scene, materials } = SceneFiles::of(config);
         Self {
@@ -68,11 +68,11 @@ impl Content {
     }
 }
 
-/// The checksum of the program's own file; none where a system does not let it be read.
+/// Checksum of the program's own file; `None` where the system does not let it be read.
 pub fn build() -> Option<String> {
     static BUILD: OnceLock<Option<String>> = OnceLock::new();
     let own = || {
-        // Where there is this name, it leads to the program that runs, be its file replaced or not.
+        // On Linux this leads to the running program even after its file was replaced.
         let linux = Path::new("/proc/self/exe");
         let path = if linux.exists() { linux.to_owned() } else { std::env::current_exe().ok()? };
         Checksum::of_file(&path).ok().map(|sum| sum.to_string())
@@ -81,7 +81,7 @@ pub fn build() -> Option<String> {
 }
 
 fn front_end(model: &Model) -> Checksum {
-    // Every field with every digit.
+    // `Debug` prints every field with every digit.
     Checksum::of(&[format!("{model:?}").as_bytes()])
 }
 
@@ -107,8 +107,8 @@ fn add_scan(sum: &mut Running, scan: &SceneResponse) {
     }
 }
 
-/// Of the material libraries that are read with an OBJ, in their order; none without any, and none
-/// of a pipe, which has nothing more to say.
+/// Checksum of the material libraries of an OBJ, in their order; `None` without any, and for a
+/// pipe, which cannot be read twice.
 fn materials(scene: &Path, libraries: Libraries) -> Option<Checksum> {
     if !scene.is_file() {
         return None;
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn scans_of_the_check_are_among_what_a_journal_goes_on_with() {
+    fn the_checksum_of_scans_covers_those_of_the_check() {
         let set = ["scanner.columns=8", "scanner.rows=4", "data.train_pairs=1"];
         let set = set.into_iter().chain(["data.test_pairs=1", "data.check_pairs=1"]);
         let set: Vec<_> = set.map(|text| text.parse().unwrap()).collect();
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn the_program_knows_its_own_file() {
+    fn the_build_is_the_checksum_of_the_program_s_own_file() {
         let of_file = Checksum::of_file(&std::env::current_exe().unwrap()).unwrap();
         assert_eq!(build(), Some(of_file.to_string()));
     }

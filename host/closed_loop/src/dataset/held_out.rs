@@ -1,4 +1,4 @@
-//! One held-out pair alone: for who wants to look at it, and not to wait for all others.
+//! One held-out pair, traced without the others: to show it.
 
 use echoloop_sim::viewpoint::Split;
 
@@ -9,8 +9,8 @@ use super::{
 use crate::config::RunConfig;
 
 impl Dataset {
-    /// A set that has the held-out pair of that number alone, as [`Self::build`] has it at that
-    /// place of `test`; none where there are fewer. Of a town only this pair is traced.
+    /// Dataset with one held-out pair, that of [`Self::build`] at `index` of `test`; `None` beyond
+    /// the last. Only this pair is traced.
     ///
     /// # Errors
     ///
@@ -27,14 +27,14 @@ impl Dataset {
         for (number, &town) in towns.iter().enumerate() {
             let count = share(config, Split::Test, (number, towns.len()));
             if index < before + count {
-                return Self::alone(config, town, count, [index, index - before]);
+                return Self::single(config, town, count, [index, index - before]);
             }
             before += count;
         }
         Ok(None)
     }
 
-    fn alone(
+    fn single(
         config: &RunConfig,
         town: u64,
         count: usize,
@@ -56,7 +56,7 @@ mod tests {
     use crate::config::{Override, load};
 
     #[test]
-    fn a_pair_alone_is_the_one_that_all_have_at_its_place() {
+    fn a_single_pair_equals_that_of_the_whole_set_at_its_index() {
         let set =
             ["scanner.columns=24", "scanner.rows=8", "data.train_pairs=3", "data.test_pairs=4"];
         let set: Vec<Override> = set.iter().map(|text| text.parse().unwrap()).collect();

@@ -1,5 +1,4 @@
-//! Pairs of scans to register: scene responses and true motions, traced once for every candidate to
-//! come.
+//! Pairs of scans to register: scene responses and true motions, traced once for all candidates.
 
 mod facts;
 pub mod fingerprint;
@@ -19,7 +18,7 @@ use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{BeamOptics, Scanner};
 use echoloop_sim::scene::{Material, Scene};
 use echoloop_sim::viewpoint::{
-    PairPlan, PosePair, Sight, Split, ViewpointError, sample_pairs_aloud,
+    PairPlan, PosePair, Sight, Split, ViewpointError, sample_pairs_between,
 };
 use thiserror::Error;
 
@@ -34,10 +33,10 @@ pub use pairs::{Dataset, ScanPair, viewpoints};
 pub use recording::RecordingError;
 pub use store::{StoreError, stored, stored_config};
 
-/// Why there are no pairs.
+/// Reason that there are no pairs.
 #[derive(Debug, Error)]
 pub enum DatasetError {
-    /// There is no scene.
+    /// No scene.
     #[error(transparent)]
     Source(#[from] SourceError),
     /// Stored pairs cannot be used.
@@ -46,37 +45,37 @@ pub enum DatasetError {
     /// Recorded scans cannot be used.
     #[error("scene.source: {0}")]
     Recording(#[from] RecordingError),
-    /// Nowhere to stand.
+    /// Too few viewpoints in the scene.
     #[error("{scene}: {source}")]
     Viewpoints {
-        /// The scene.
+        /// Name of the scene.
         scene: String,
-        /// Why.
+        /// Reason.
         source: ViewpointError,
     },
 }
 
-/// A scene ready to be scanned.
+/// Scene ready to be scanned.
 pub struct Place {
-    /// The scene.
+    /// Mesh, materials and name.
     pub scene: Scene,
-    /// Its ray caster.
+    /// Ray caster of the first scan of a pair.
     pub caster: Raycaster,
-    /// That of the second scan of a pair, where something moves between them.
+    /// Ray caster of the second scan, where something moves between the two.
     pub later: Option<Raycaster>,
 }
 
 impl Place {
-    /// As the first scan of a pair finds it, and as the second does.
+    /// Ray casters of the first and the second scan of a pair.
     pub fn casters(&self) -> [&Raycaster; 2] {
         [&self.caster, self.later.as_ref().unwrap_or(&self.caster)]
     }
 }
 
 impl Dataset {
-    /// Makes or loads the scenes, finds viewpoints, traces every scan; or reads them, where
-    /// `scene.stored` names a file or `scene.source` a folder of recorded scans. `progress` hears a
-    /// fraction of 1 and what is done.
+    /// Makes or loads the scenes, finds viewpoints and traces every scan. Reads the scans instead
+    /// where `scene.stored` names a file or `scene.source` a folder of recordings. `progress` is
+    /// called with the fraction done, 0 to 1, and a few words.
     ///
     /// # Errors
     ///
@@ -85,9 +84,9 @@ impl Dataset {
         Self::of(config, 0, progress)
     }
 
-    /// The same, and `data.check_pairs` of [`Self::check`]: drawn on after the training pairs, but
-    /// as far apart as those to judge on. A town without room for its share of them gives none, and
-    /// of pairs that are stored or recorded there are no more.
+    /// As [`Self::build`], with `data.check_pairs` pairs of [`Self::check`]. They are drawn after
+    /// the training pairs, at the baseline of the held-out ones. A town without room for its share
+    /// has none, nor have stored and recorded pairs.
     ///
     /// # Errors
     ///
@@ -151,13 +150,13 @@ impl Dataset {
     }
 }
 
-/// Whether scans are traced, in as many places as are asked for: not stored, not recorded.
+/// True when scans are traced, neither stored nor recorded.
 fn is_traced(config: &RunConfig) -> bool {
     let is_recording = matches!(Source::of(&config.scene.source), Source::Recording(_));
     config.scene.stored.is_empty() && !is_recording
 }
 
-/// Seeds of the towns, no more towns than pairs.
+/// Seeds of the towns, at most one for each pair.
 pub fn towns(config: &RunConfig) -> Vec<u64> {
     let mut towns = Source::of(&config.scene.source).seeds(&config.scene.towns);
     towns.truncate(config.data.train_pairs.min(config.data.test_pairs).max(1));
@@ -176,13 +175,13 @@ pub fn place(config: &RunConfig, town: u64) -> Result<Place, DatasetError> {
     Ok(Place { scene, caster, later })
 }
 
-/// What the scanner of these beams can see of a place.
+/// Field of view of these beams in a place, for overlaps.
 pub fn sight<'a>(place: &'a Place, beams: &Beams) -> Sight<'a> {
     let directions: Vec<[f32; 3]> = beams.directions(1).iter().map(|&d| d.into()).collect();
     Sight::new(&place.caster, &directions)
 }
 
-/// So many pairs of a town, as a configuration has them.
+/// Plan of `count` pairs of a town by the configuration.
 pub fn pair_plan(config: &RunConfig, split: Split, count: usize, town: u64) -> PairPlan {
     let data = &config.data;
     let (purpose, baseline_factor) = match split {
@@ -193,7 +192,7 @@ pub fn pair_plan(config: &RunConfig, split: Split, count: usize, town: u64) -> P
         count,
         baseline_m: data.hard_baseline_m(),
         baseline_factor,
-        farther: count, // those of the check, after them, are not
+        farther: count, // pairs of the check, after them, have the plain baseline
         heading_range_deg: data.hard_heading_range_deg(),
         tilt_range_deg: data.tilt_range_deg,
         height_m: config.scanner.height_m,
@@ -202,7 +201,7 @@ pub fn pair_plan(config: &RunConfig, split: Split, count: usize, town: u64) -> P
     }
 }
 
-/// A town's share of the pairs.
+/// Number of pairs of a town, `(index, towns)`.
 pub fn share(config: &RunConfig, split: Split, town: (usize, usize)) -> usize {
     match split {
         Split::Train => share_of(config.data.train_pairs, town),
@@ -210,22 +209,22 @@ pub fn share(config: &RunConfig, split: Split, town: (usize, usize)) -> usize {
     }
 }
 
-/// The share of a town, by its number among so many.
+/// Share of `total` for a town by its index.
 fn share_of(total: usize, (index, towns): (usize, usize)) -> usize {
     total / towns + usize::from(index < total % towns)
 }
 
-/// Where the two scans of a pair are to be made.
+/// Poses of the two scans of a pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlannedPair {
-    /// The poses.
+    /// Poses of the sensor, first and second.
     pub poses: PosePair,
-    /// Share of what either scanner sees that the other sees, too.
+    /// Overlap, 0 to 1: share of what either scanner sees that the other sees, too.
     pub overlap: f64,
 }
 
-/// Pairs of a town as a plan wants them, which share as much as the configuration says. `looking`
-/// hears how many there are and how many candidates were tried.
+/// Pairs of a town by a plan, with an overlap within the configuration's bounds. `looking` is
+/// called with the number of pairs found and of candidates tried.
 ///
 /// # Errors
 ///
@@ -241,12 +240,12 @@ pub fn poses(
         let overlap = sight.overlap(&poses);
         config.data.wants(overlap).then_some(PlannedPair { poses, overlap })
     };
-    sample_pairs_aloud(&place.scene, place.casters(), plan, &accept, looking)
+    sample_pairs_between(&place.scene, place.casters(), plan, &accept, looking)
         .map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })
 }
 
-/// The same, and as many more as are asked for, if there is room for them all; these are no
-/// farther apart than the pairs to judge on.
+/// As [`poses`], with `more` pairs after those of the plan, at the plain baseline; without them
+/// where they do not all fit.
 fn poses_and_more(
     config: &RunConfig,
     place: &Place,
@@ -289,7 +288,7 @@ fn trace(
     }
 }
 
-/// What a scan alone sees from a pose: of viewpoint 1.
+/// Response of a single scan from a pose, as viewpoint 1.
 pub fn respond(
     config: &RunConfig,
     place: &Place,
@@ -299,7 +298,7 @@ pub fn respond(
     respond_at(config, place, world_from_sensor, 1, beams)
 }
 
-/// What the scan of a viewpoint sees; of a sensor that moves, the pose is that of the middle of the
+/// Response of the scan of a viewpoint. The pose of a moving sensor is that in the middle of the
 /// scan.
 pub fn respond_at(
     config: &RunConfig,
@@ -356,7 +355,7 @@ mod tests {
         pairs.iter().map(|pair| (pair.place.clone(), pair.truth)).collect()
     }
 
-    /// How far apart the sensors of pairs stood, metres over ground.
+    /// Baseline of each pair, seen from above, m.
     fn apart_m(pairs: &[ScanPair]) -> Vec<f64> {
         let apart = |pair: &ScanPair| {
             let [a, b] = pair.world_from_sensor.map(|pose| pose.translation.vector.xy());
@@ -366,13 +365,13 @@ mod tests {
     }
 
     #[test]
-    fn pairs_of_the_check_are_as_far_apart_as_those_that_are_judged() {
+    fn pairs_of_the_check_have_the_baseline_of_the_held_out_ones() {
         let config = config(&["scene.towns=[1,2]"]);
         let found = Dataset::build_with_check(&config, &|_, _| ()).unwrap();
         let is_as_asked = |apart: &f64| (apart - config.data.baseline_m).abs() < 1e-9;
         assert!(apart_m(&found.check).iter().chain(&apart_m(&found.test)).all(is_as_asked));
         assert!(!apart_m(&found.train).iter().any(is_as_asked));
-        // Of 5, 3 are of the first town.
+        // Three of the five are in the first town.
         let places: Vec<&str> = found.check.iter().map(|pair| pair.place.as_str()).collect();
         assert_eq!(places, [0, 0, 0, 1, 1].map(|town: usize| found.train[2 * town].place.as_str()));
         let numbers: Vec<u32> = found.pairs().flat_map(|pair| pair.viewpoints).collect();
@@ -380,13 +379,13 @@ mod tests {
     }
 
     #[test]
-    fn where_training_pairs_are_no_farther_apart_those_of_the_check_are_the_next_of_them() {
+    fn at_an_equal_baseline_the_pairs_of_the_check_are_the_next_training_pairs() {
         let config = config(&["scene.towns=[1,2]", "data.train_baseline_factor=1"]);
         let found = Dataset::build_with_check(&config, &|_, _| ()).unwrap();
         let mut more = config.clone();
         more.data.train_pairs = 9;
         let more = Dataset::build(&more, &|_, _| ()).unwrap();
-        // Of 4, 2 are of each town; of 9, 5 and 4.
+        // Each town has two of four pairs; of nine, five and four.
         let all = truths(&more.train);
         assert_eq!(truths(&found.check), [&all[2..5], &all[7..9]].concat());
     }
@@ -415,7 +414,7 @@ mod tests {
         };
         let first = found(&config, 0).unwrap();
         assert_eq!(found(&config, 1).unwrap()[..1], first);
-        // Who shares as much as the first does is the first.
+        // Only the first pair has exactly its overlap.
         (config.data.least_overlap, config.data.most_overlap) =
             (first[0].overlap, first[0].overlap);
         assert_eq!(found(&config, 1).unwrap(), first);

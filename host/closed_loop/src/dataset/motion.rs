@@ -1,4 +1,4 @@
-//! Where a moving sensor is at each beam.
+//! Pose of a moving sensor at each beam.
 
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
@@ -7,16 +7,16 @@ use crate::config::{JitterPer, Motion};
 use echoloop_frontend::shaking;
 use echoloop_registration::pose::Pose;
 
-/// The sensor's way through one scan.
+/// Path of the sensor through one scan.
 ///
 /// ```text
 /// world_from_sensor(b) = world_from_middle · (v·t, exp(ω·t)) · (shift, exp(turn))
 /// t = (fraction(b) − ½) · duration
 /// ```
 ///
-/// `fraction` is when the pattern fires a beam, as part of the scan. v and ω in the sensor's frame
-/// at the middle; shift and turn normal, for each column or beam, a pure function of the seed and
-/// its number.
+/// `fraction` is the firing time of a beam as a fraction of the scan. v and ω are in the sensor's
+/// frame at the middle. shift and turn are normal, drawn for each column or beam as a pure function
+/// of the seed and its number.
 pub(super) struct Path<'a> {
     motion: Motion,
     beams: &'a Beams,
@@ -25,7 +25,7 @@ pub(super) struct Path<'a> {
 }
 
 impl<'a> Path<'a> {
-    /// The way that passes through a pose in its middle.
+    /// Path through `world_from_middle` in the middle of the scan.
     pub(super) fn new(
         motion: &Motion,
         beams: &'a Beams,
@@ -35,7 +35,7 @@ impl<'a> Path<'a> {
         Self { motion: *motion, beams, world_from_middle, seed }
     }
 
-    /// The pose at a beam.
+    /// Pose at a beam.
     pub(super) fn world_from_sensor(&self, beam: usize) -> Pose {
         let Motion { duration_s, linear_m_s, angular_deg_s, .. } = self.motion;
         let t = match duration_s {
@@ -46,10 +46,10 @@ impl<'a> Path<'a> {
             Vector3::from(linear_m_s) * t,
             Vector3::from(angular_deg_s.map(f64::to_radians)) * t,
         );
-        self.world_from_middle * moved * self.shaken(beam)
+        self.world_from_middle * moved * self.jitter(beam)
     }
 
-    fn shaken(&self, beam: usize) -> Pose {
+    fn jitter(&self, beam: usize) -> Pose {
         let Motion { jitter_mrad, jitter_mm, jitter_per, .. } = self.motion;
         if jitter_mrad == 0.0 && jitter_mm == 0.0 {
             return Pose::identity();
@@ -129,19 +129,19 @@ mod tests {
         let vlp = Beams::new(ScanPattern::Spinning(head));
         near(x(&vlp, 3 * 16), (3.0 + 0.5 / 24.0) / 10.0 - 0.5);
         near(x(&vlp, 3 * 16 + 15), (3.0 + 15.5 / 24.0) / 10.0 - 0.5);
-        // All of a column of an OS1 at once.
+        // All lasers of a column of an OS1 fire at once.
         let head = Spinning { model: SpinningModel::Os1x64, columns: 10 };
         let os1 = Beams::new(ScanPattern::Spinning(head));
         near(x(&os1, 9 * 64), 0.45);
         near(x(&os1, 9 * 64 + 63), 0.45);
-        // As a table says, in whatever order.
+        // Times of a table, in any order.
         let rows = "azimuth_deg,elevation_deg,time_s,channel\n0,0,0.1,0\n0,0,0,0\n0,0,0.03,0\n";
         let table = Beams::of_list(BeamList::from_csv(rows.as_bytes()).unwrap().into());
         [0.5, -0.5, -0.2].iter().enumerate().for_each(|(beam, at)| near(x(&table, beam), *at));
     }
 
     #[test]
-    fn shaking_has_the_spread_asked_for_and_moves_what_shakes_as_one() {
+    fn jitter_has_the_configured_spread_and_moves_a_column_or_each_beam() {
         for (jitter_per, count, same) in
             [(JitterPer::Column, 100_usize, true), (JitterPer::Beam, 2_000, false)]
         {

@@ -1,4 +1,4 @@
-//! Pairs of scans, however they came about.
+//! Pairs of scans, traced, stored or recorded.
 
 use std::sync::Arc;
 
@@ -7,27 +7,28 @@ use echoloop_registration::pose::Pose;
 
 use crate::beams::Beams;
 
-/// Two scans of a place.
+/// Two scans of a place and their true motion.
 #[derive(Clone, Debug)]
 pub struct ScanPair {
-    /// The town.
+    /// Name of the town.
     pub place: String,
     /// T*: `first_from_second`.
     pub truth: Pose,
-    /// Where the sensor stood, first and second; of one that moved, in the middle of each scan.
+    /// Pose of the sensor, first and second; of a moving sensor, in the middle of each scan.
     pub world_from_sensor: [Pose; 2],
-    /// What the first scan sees.
+    /// Response of the first scan.
     pub first: Arc<SceneResponse>,
-    /// What the second scan sees.
+    /// Response of the second scan.
     pub second: Arc<SceneResponse>,
-    /// Numbers of the two viewpoints, for a sensor that somebody else turns: see [`viewpoints`].
+    /// Numbers of the two viewpoints ([`viewpoints`]), for a sensor turned by a turntable.
     pub viewpoints: [u32; 2],
-    /// Share of what either scan sees that the other sees, too: `Sight::overlap` of the simulator.
+    /// Overlap, 0 to 1: share of what either scan sees that the other sees, too
+    /// (`Sight::overlap` of the simulator).
     pub overlap: f64,
 }
 
-/// Numbers of a pair's viewpoints, from 1: those of the training pairs, two each, then those of the
-/// pairs to judge on, then those of the check. A scan alone is of viewpoint 1.
+/// Numbers of a pair's viewpoints, from 1: two for each training pair, then for each held-out pair,
+/// then for each pair of the check. A single scan is viewpoint 1.
 ///
 /// ```text
 /// training pair p   2p + 1                     2p + 2                     p = 0..
@@ -38,17 +39,17 @@ pub fn viewpoints(place: usize) -> [u32; 2] {
     [1, 2].map(|scan| 2 * place as u32 + scan)
 }
 
-/// The pairs of a run.
+/// Pairs of a run.
 #[derive(Clone, Debug)]
 pub struct Dataset {
-    /// Where the beams point, and when.
+    /// Beams of each scan.
     pub beams: Beams,
     /// Pairs to tune on.
     pub train: Vec<ScanPair>,
-    /// Pairs to judge on.
+    /// Held-out pairs, to judge on.
     pub test: Vec<ScanPair>,
-    /// Pairs for the last choice alone: of the training pairs' towns, seen by no search, and as far
-    /// apart as the pairs to judge on.
+    /// Pairs for the final selection alone: in the towns of the training pairs, seen by no search,
+    /// at the baseline of the held-out pairs.
     pub check: Vec<ScanPair>,
     /// Triangles in all towns.
     pub triangles: usize,
@@ -60,7 +61,7 @@ impl Dataset {
         self.train.iter().chain(&self.test).chain(&self.check)
     }
 
-    /// What is seen from every viewpoint, in the order of their numbers.
+    /// Responses of all viewpoints, in the order of their numbers.
     pub fn views(&self) -> impl Iterator<Item = &Arc<SceneResponse>> {
         self.pairs().flat_map(|pair| [&pair.first, &pair.second])
     }

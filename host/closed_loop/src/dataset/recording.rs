@@ -1,14 +1,14 @@
-//! Recorded scans as pairs: a folder of CARLA's semantic LiDAR, and where its sensor was.
+//! Recorded scans as pairs: a folder of scans of CARLA's semantic LiDAR, with poses.
 //!
 //! ```text
 //! FOLDER/*.ply             one a scan, in the order of their names
 //! FOLDER/poses.txt         a pose a scan: TUM or KITTI, right-handed, z up
-//! FOLDER/transforms.json   or that: CARLA's own, left-handed, degrees
+//! FOLDER/transforms.json   or instead: CARLA's own poses, left-handed, degrees
 //! ```
 //!
-//! Each point is a beam of its own, so that beams differ from scan to scan; beams of the sensor
-//! that are left see nothing. The beginning of the way is tuned on; of the rest that is judged on
-//! which lies apart from it, so that a way that comes back is not judged where it was tuned.
+//! Each point is a beam of its own, so beams differ from scan to scan; the sensor's other beams see
+//! nothing. The first part of the path is tuned on. The rest is judged on where it is 10 m from
+//! every scan tuned on, so that a path that returns is not judged where it was tuned.
 
 mod poses;
 
@@ -27,14 +27,14 @@ use super::pairs::{Dataset, ScanPair, viewpoints};
 use crate::beams::Beams;
 use crate::config::RunConfig;
 
-/// A partner is at most so many times the baseline away.
+/// Most distance between the scans of a pair, in baselines.
 const FARTHEST: f64 = 2.0;
-/// Points of two scans are of the same place within a cube of so much, m.
+/// Edge of the cubes in which points of two scans count as shared, m.
 const CELL_M: f64 = 1.0;
-/// What is judged on is at least so far from what is tuned on, seen from above, m.
+/// Least distance from a scan judged on to any tuned on, seen from above, m.
 const APART_M: f64 = 10.0;
 
-/// A recording that cannot be used.
+/// Unusable recording.
 #[derive(Debug, Error)]
 #[error("{}: {what}", path.display())]
 pub struct RecordingError {
@@ -42,32 +42,32 @@ pub struct RecordingError {
     what: String,
 }
 
-/// The pairs of a recording.
+/// Pairs of a recording.
 ///
 /// # Errors
 ///
-/// [`RecordingError`] says what is wrong with which file, or that the way has too few pairs.
+/// [`RecordingError`] says what is wrong with which file, or that the path has too few pairs.
 pub(super) fn load(
     folder: &Path,
     config: &RunConfig,
     beams: Beams,
     progress: &dyn Fn(f64, &str),
 ) -> Result<Dataset, RecordingError> {
-    let way = Way::read(folder, config, &beams, progress)?;
-    let [train, test] = way.pairs(config).map_err(|what| fail(folder, what))?;
+    let drive = Drive::read(folder, config, &beams, progress)?;
+    let [train, test] = drive.pairs(config).map_err(|what| fail(folder, what))?;
     let scans = [&train[..], &test[..]].concat();
-    let of_viewpoints = scans.iter().flatten().map(|&at| Arc::clone(&way.scans[at].directions));
+    let of_viewpoints = scans.iter().flatten().map(|&at| Arc::clone(&drive.scans[at].directions));
     let beams = beams.recorded(of_viewpoints.collect());
     let pair = |number: usize, [first, second]: [usize; 2]| {
-        let (from_first, from_second) = (way.poses[first], way.poses[second]);
+        let (from_first, from_second) = (drive.poses[first], drive.poses[second]);
         ScanPair {
-            place: way.name.clone(),
+            place: drive.name.clone(),
             truth: relative(&from_first, &from_second),
             world_from_sensor: [from_first, from_second],
-            first: Arc::clone(&way.scans[first].response),
-            second: Arc::clone(&way.scans[second].response),
+            first: Arc::clone(&drive.scans[first].response),
+            second: Arc::clone(&drive.scans[second].response),
             viewpoints: viewpoints(number),
-            overlap: way.overlap(first, second),
+            overlap: drive.overlap(first, second),
         }
     };
     let tune_on = train.iter().enumerate().map(|(number, &at)| pair(number, at)).collect();
@@ -81,24 +81,24 @@ fn fail(path: &Path, what: impl Into<String>) -> RecordingError {
     RecordingError { path: path.to_owned(), what: what.into() }
 }
 
-/// A scan.
+/// Recorded scan.
 struct Scan {
-    /// Of the sensor's beams: those without a point look ahead.
+    /// Unit vectors of the sensor's beams; those without a point look ahead.
     directions: Arc<Vec<Vector3<f32>>>,
     response: Arc<SceneResponse>,
-    /// The cubes that its points lie in, in the world, and the points.
+    /// Cubes that hold points, in the world frame; below, the cube of each point.
     cells: HashSet<[i32; 3]>,
     points: Vec<[i32; 3]>,
 }
 
-/// Scans along a way.
-struct Way {
+/// Recorded scans along a path.
+struct Drive {
     name: String,
     poses: Vec<Pose>,
     scans: Vec<Scan>,
 }
 
-impl Way {
+impl Drive {
     fn read(
         folder: &Path,
         config: &RunConfig,
@@ -128,8 +128,8 @@ impl Way {
         Ok(Self { name: name.into_owned(), poses, scans })
     }
 
-    /// Scans to tune on and to judge on, of which none is in both. The way is cut in proportion to
-    /// how many pairs are asked for.
+    /// Pairs of scans to tune on and to judge on; no scan is in both. The path is cut in proportion
+    /// to the numbers of pairs.
     fn pairs(&self, config: &RunConfig) -> Result<[Vec<[usize; 2]>; 2], String> {
         let data = &config.data;
         let (train, test) = (data.train_pairs, data.test_pairs);
@@ -159,13 +159,13 @@ impl Way {
         Ok([tuned_on, judged_on])
     }
 
-    /// Whether a scan was made apart from others.
+    /// True when a scan is [`APART_M`] or more from all others.
     fn is_apart(&self, scan: usize, others: &[usize]) -> bool {
         let at = |scan: usize| self.poses[scan].translation.vector.xy();
         others.iter().all(|&other| (at(scan) - at(other)).norm() >= APART_M)
     }
 
-    /// Each scan of a part of the way with the next that is a baseline away.
+    /// Each scan of a part of the path with the next one that is a baseline away.
     fn candidates(&self, config: &RunConfig, from: usize, to: usize) -> Vec<[usize; 2]> {
         let baseline_m = config.data.hard_baseline_m();
         let apart = |a: usize, b: usize| {
@@ -180,7 +180,7 @@ impl Way {
         (from..to).filter_map(partner).collect()
     }
 
-    /// The share of the points of either scan with one of the other in the same cube of 1 m.
+    /// Share of the points of both scans with a point of the other in the same cube of 1 m.
     fn overlap(&self, first: usize, second: usize) -> f64 {
         let (a, b) = (&self.scans[first], &self.scans[second]);
         let shared = |of: &Scan, with: &Scan| {
@@ -191,7 +191,7 @@ impl Way {
     }
 }
 
-/// The scans of a folder, by their names.
+/// Scan files of a folder, sorted by name.
 fn files(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
     let listed = std::fs::read_dir(folder)
         .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>, _>>());
@@ -247,7 +247,7 @@ mod tests {
         property float32 z\nproperty float32 CosAngle\nproperty uint32 ObjIdx\n\
         property uint32 ObjTag\nend_header\n";
 
-    /// A wall 10 m to the left of a way along x, seen in steps of 1 m.
+    /// Scan of a wall 10 m to the left of a path along x, a point a metre.
     fn scan(at_m: f64, points: usize) -> String {
         let header = HEADER.replace("1.0\n", &format!("1.0\nelement vertex {points}\n"));
         let mut text = format!("ply\n{header}");
@@ -259,7 +259,7 @@ mod tests {
         text
     }
 
-    /// A recording of so many scans, 1 m from each other.
+    /// Recording of scans 1 m apart.
     fn recording(scans: usize) -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
         let mut poses = String::new();
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_of_a_recording_are_a_baseline_apart_and_no_scan_is_tuned_and_judged_on() {
+    fn pairs_of_a_recording_are_a_baseline_apart_and_share_no_scan_between_splits() {
         let folder = recording(30);
         let dataset = build(&config(folder.path(), 4, 8)).unwrap();
         assert_eq!((dataset.train.len(), dataset.test.len()), (4, 8));
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_used_of_a_recording_is_named() {
+    fn an_unusable_recording_is_refused_by_file_and_reason() {
         let said = |change: &dyn Fn(&Path, &mut RunConfig)| {
             let folder = recording(20);
             let mut config = config(folder.path(), 1, 2);

@@ -1,5 +1,5 @@
-//! What `scene.source` names: a kind of place, one of the nine towns, a road network, a mesh,
-//! recorded scans.
+//! `scene.source`: a kind of place, one of the nine towns, a road network, a mesh, or recorded
+//! scans.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use thiserror::Error;
 
 use crate::config::{RunConfigError, SceneConfig};
 
-/// Why there is no scene.
+/// Reason that there is no scene.
 #[derive(Debug, Error)]
 pub enum SourceError {
     /// Neither a name nor a file.
@@ -20,7 +20,7 @@ pub enum SourceError {
         towns = Town::ALL.map(Town::name).join(", ")
     )]
     Unknown(String),
-    /// Recorded scans cannot be scanned.
+    /// Recorded scans have no surfaces.
     #[error("scene.source = {0:?} is a folder of recorded scans, which have no surfaces to scan")]
     Recorded(String),
     /// The mesh cannot be used.
@@ -34,25 +34,25 @@ pub enum SourceError {
     Config(#[from] RunConfigError),
 }
 
-/// Where a scene comes from.
+/// Origin of a scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// A place is made from a seed.
+    /// Place generated from a seed.
     Kind(SceneKind),
-    /// One of the nine.
+    /// One of the nine towns.
     Town(Town),
-    /// The three of a kind, among which pairs are shared out.
+    /// All three towns of a kind; pairs are shared out among them.
     Towns(SceneKind),
-    /// A town is built on an OpenDRIVE file's roads.
+    /// Town built along the roads of an OpenDRIVE file.
     Roads(PathBuf),
-    /// A mesh.
+    /// Mesh file.
     Mesh(PathBuf),
-    /// A folder of recorded scans: there are no surfaces, and no other places to scan from.
+    /// Folder of recorded scans, without surfaces to scan.
     Recording(PathBuf),
 }
 
 impl Source {
-    /// Reads `scene.source`. What is no name is a file, there or not, or a folder that is there.
+    /// Reads `scene.source`: a name, else an existing folder, else a file, which need not exist.
     pub fn of(source: &str) -> Self {
         if let Ok(kind) = source.parse() {
             return Self::Kind(kind);
@@ -71,7 +71,7 @@ impl Source {
         if is_network { Self::Roads(path) } else { Self::Mesh(path) }
     }
 
-    /// The files it stands on.
+    /// Files that the scene is read from.
     pub fn files(&self) -> Vec<PathBuf> {
         let data = data_folder();
         let of_town = |town: Town| town.file(data.as_deref());
@@ -88,8 +88,8 @@ impl Source {
         self.files().into_iter().next()
     }
 
-    /// What the pairs are shared out among, as seeds: `towns` of what is made from them, the
-    /// numbers of the towns of a kind; else there is one.
+    /// Seeds among which the pairs are shared out: `towns` for a generated kind, 1 to 3 for the
+    /// towns of a kind, else one.
     pub fn seeds(&self, towns: &[u64]) -> Vec<u64> {
         match self {
             Self::Kind(_) => towns.to_vec(),
@@ -98,8 +98,7 @@ impl Source {
         }
     }
 
-    /// Makes or loads the scene; `town` is the seed of what is generated, or a number of
-    /// [`Source::seeds`].
+    /// Makes or loads the scene; `town` is one of [`Source::seeds`].
     ///
     /// # Errors
     ///
@@ -130,7 +129,7 @@ impl Source {
     }
 }
 
-/// Where CARLA's files lie, of the towns that stand on its roads.
+/// Folder of CARLA's road networks, which some of the nine towns need.
 fn data_folder() -> Option<PathBuf> {
     std::env::var_os("ECHOLOOP_DATA").map(|folder| Path::new(&folder).to_owned())
 }

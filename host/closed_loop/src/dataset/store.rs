@@ -1,15 +1,15 @@
-//! Pairs in a file: traced once, read in a moment.
+//! File of traced pairs: traced once, read in a moment.
 //!
 //! ```text
 //! "ECHOPAIR"  version: u32  header's bytes: u32  header: JSON  body: zlib  CRC-64/XZ of all before
 //! ```
 //!
 //! Little endian. The header has the configuration that the pairs were traced with, checksums of
-//! the files of their scene, and of each pair its place, poses and how many returns there are. The
-//! body has the scans, first and second of each pair to tune on and then of each to judge on: a
-//! count of returns a beam (u16), then all ranges, then all strengths (f32), of each four bytes the
-//! first of all numbers, then the second of all, and so on: exponents are much alike, and pack
-//! better side by side.
+//! the scene's files, and for each pair its place, poses and numbers of returns. The body has the
+//! scans, first and second of each pair to tune on, then of each to judge on: the number of returns
+//! of each beam (u16), then all ranges, then all strengths (f32). Of the floats the first bytes of
+//! all numbers come first, then the second bytes, and so on: exponents are alike, and zlib packs
+//! them better side by side.
 
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -33,18 +33,18 @@ use crate::dataset::source::Source;
 use echoloop_registration::pose::{Pose, relative};
 
 const MAGIC: &[u8; 8] = b"ECHOPAIR";
-/// Pairs of another version are traced anew. It rises with the format, and when the same
-/// configuration makes other scenes.
+/// Version of the file. It rises with the format, and when the same configuration makes other
+/// scenes; files of another version are refused.
 const VERSION: u32 = 2;
 const PREFIX: usize = 16;
 const SUFFIX: usize = 8;
-/// What is read takes at most so many times the file, and [`ROOM`].
+/// Most memory of what is read, in sizes of the file, beside [`ROOM`] bytes.
 const MOST_GROWTH: u64 = 8;
 const ROOM: u64 = 64 << 20;
-/// Returns of a scan at most: of 131,072 beams with 225 sub-rays each.
+/// Most returns of a scan: 131,072 beams with 225 sub-rays each.
 const MOST_RETURNS: u64 = 131_072 * 225;
 
-/// A file of pairs that cannot be used.
+/// Unusable file of pairs.
 #[derive(Debug, Error)]
 #[error("{}: {what}", path.display())]
 pub struct StoreError {
@@ -55,7 +55,7 @@ pub struct StoreError {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Header {
-    /// TOML.
+    /// Configuration, TOML.
     config: String,
     files: SceneFiles,
     pattern: String,
@@ -64,26 +64,26 @@ struct Header {
     test: Vec<Head>,
 }
 
-/// A pair without its returns.
+/// Pair without its returns.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Head {
     place: String,
     world_from_sensor: [Placed; 2],
     overlap: f64,
-    /// Returns of both scans.
+    /// Number of returns of each scan.
     returns: [u64; 2],
 }
 
-/// A pose to the last bit: x, y, z, m, then the rotation's i, j, k, w.
+/// Pose to the last bit: x, y, z, m, then the quaternion's i, j, k, w.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 struct Placed([f64; 7]);
 
-/// Pairs as a file's bytes.
+/// Bytes of a file of pairs.
 ///
 /// # Errors
 ///
-/// What cannot be written down.
+/// Reason that the pairs cannot be stored.
 pub fn stored(config: &RunConfig, dataset: &Dataset) -> Result<Vec<u8>, String> {
     if matches!(Source::of(&config.scene.source), Source::Recording(_)) {
         return Err("recorded scans need no store: they are read as fast".into());
@@ -112,7 +112,7 @@ pub fn stored(config: &RunConfig, dataset: &Dataset) -> Result<Vec<u8>, String> 
     Ok(bytes)
 }
 
-/// The configuration that the pairs of a file were traced with.
+/// Configuration that the pairs of a file were traced with.
 ///
 /// # Errors
 ///
@@ -124,11 +124,11 @@ pub fn stored_config(path: &Path) -> Result<RunConfig, StoreError> {
     parse(&header.config).map_err(|error| fail(shown(&error)))
 }
 
-/// The pairs of a file, which must be those of the configuration.
+/// Pairs of a file, which must be those of the configuration.
 ///
 /// # Errors
 ///
-/// [`StoreError`] says what is wrong with the file, or which key differs from its.
+/// [`StoreError`] says what is wrong with the file, or which key differs.
 pub(super) fn load_stored(
     path: &Path,
     config: &RunConfig,
@@ -152,12 +152,12 @@ pub(super) fn load_stored(
     read_pairs(header, body, bytes.len() as u64, beams).map_err(fail)
 }
 
-/// The pattern, of a table with what is in it.
+/// Pattern of the beams as text; a table's has the hash of its beams.
 fn pattern(beams: &Beams) -> String {
     format!("{:?}", beams.pattern())
 }
 
-/// Header and body of a file that is whole.
+/// Header and compressed body of a file whose checksum is right.
 fn open(bytes: &[u8]) -> Result<(Header, &[u8]), String> {
     let no_pairs = || "no file of pairs (of `echoloop store`)".to_owned();
     let number = |from: usize| -> Option<u32> {
@@ -181,13 +181,13 @@ fn open(bytes: &[u8]) -> Result<(Header, &[u8]), String> {
     Ok((header.map_err(|error| format!("header: {}", shown(&error.to_string())))?, body))
 }
 
-/// Refuses pairs that are not those of a configuration, by the first key that differs.
+/// Refuses pairs of another configuration, by the first key that differs.
 fn same(stored: &RunConfig, now: &RunConfig) -> Result<(), String> {
-    let told = |config: &RunConfig| toml::Table::try_from(shaping(config));
-    let (Ok(stored), Ok(now)) = (told(stored), told(now)) else {
+    let table = |config: &RunConfig| toml::Table::try_from(shaping(config));
+    let (Ok(stored), Ok(now)) = (table(stored), table(now)) else {
         return Err("holds a configuration that cannot be written".into());
     };
-    match difference("", &toml::Value::Table(stored), &toml::Value::Table(now)) {
+    match first_difference("", &toml::Value::Table(stored), &toml::Value::Table(now)) {
         None => Ok(()),
         Some((key, stored, now)) => Err(format!(
             "its pairs have {key} = {}, and {} is asked for: trace anew without scene.stored, or \
@@ -198,8 +198,8 @@ fn same(stored: &RunConfig, now: &RunConfig) -> Result<(), String> {
     }
 }
 
-/// Refuses pairs of a scene whose files have changed. A file that is not there any more is not
-/// needed.
+/// Refuses pairs of a scene whose files have changed. A missing file is accepted: the pairs do not
+/// need it.
 fn same_files(stored: &SceneFiles, now: &SceneFiles) -> Result<(), String> {
     let differ = |stored: &Option<String>, now: &Option<String>| now.is_some() && stored != now;
     if differ(&stored.scene, &now.scene) || differ(&stored.materials, &now.materials) {
@@ -208,7 +208,7 @@ fn same_files(stored: &SceneFiles, now: &SceneFiles) -> Result<(), String> {
     Ok(())
 }
 
-/// A configuration with everything else than what shapes pairs as it is by default.
+/// Configuration with the keys that shape pairs, and all others at their defaults.
 fn shaping(config: &RunConfig) -> RunConfig {
     let usual = RunConfig::default();
     let mut own = RunConfig {
@@ -227,8 +227,8 @@ fn shaping(config: &RunConfig) -> RunConfig {
     own
 }
 
-/// The first key that differs, with both values; of one that is missing nothing.
-fn difference(
+/// First key that differs, and both values; a missing value is an empty string.
+fn first_difference(
     path: &str,
     stored: &toml::Value,
     now: &toml::Value,
@@ -238,7 +238,7 @@ fn difference(
         let none = toml::Value::String(String::new());
         return keys.into_iter().find_map(|key| {
             let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
-            difference(&path, stored.get(key).unwrap_or(&none), now.get(key).unwrap_or(&none))
+            first_difference(&path, stored.get(key).unwrap_or(&none), now.get(key).unwrap_or(&none))
         });
     }
     (stored != now).then(|| (path.to_owned(), stored.to_string(), now.to_string()))
@@ -349,7 +349,7 @@ fn read_scan(body: &mut impl Read, beams: usize, returns: u64) -> Result<SceneRe
     is_sound(&scan).then_some(scan).ok_or_else(|| "holds a return that is none".into())
 }
 
-/// Ranges rise within a beam; all numbers are finite, and no return is without strength.
+/// True when ranges rise within each beam, and all numbers are finite and strengths positive.
 fn is_sound(scan: &SceneResponse) -> bool {
     let number = |one: &Return| {
         (0.0..f32::INFINITY).contains(&one.range_m)
@@ -360,7 +360,7 @@ fn is_sound(scan: &SceneResponse) -> bool {
     scan.returns.iter().all(number) && (0..scan.len()).all(rise)
 }
 
-/// The first bytes of all numbers, then the second, the third, the fourth.
+/// First bytes of all numbers, then all second bytes, third, fourth.
 fn planes(values: impl Iterator<Item = f32>) -> Vec<u8> {
     let values: Vec<[u8; 4]> = values.map(f32::to_le_bytes).collect();
     (0..4).flat_map(|plane| values.iter().map(move |bytes| bytes[plane])).collect()
@@ -391,11 +391,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.pairs");
         std::fs::write(&path, bytes).unwrap();
-        let told = |error: StoreError| error.to_string().replace(&path.display().to_string(), "F");
-        load_stored(&path, config, config.scanner.beams()).map_err(told)
+        let text = |error: StoreError| error.to_string().replace(&path.display().to_string(), "F");
+        load_stored(&path, config, config.scanner.beams()).map_err(text)
     }
 
-    /// With another checksum, as after a change on purpose.
+    /// Bytes with a valid checksum again, as after a change on purpose.
     fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
         bytes.truncate(bytes.len() - SUFFIX);
         let sum = Checksum::of(&[&bytes]).to_le_bytes();
@@ -404,13 +404,13 @@ mod tests {
     }
 
     #[test]
-    fn pairs_come_back_to_the_bit() {
+    fn pairs_read_back_bit_for_bit() {
         let config = config(&[]);
         let traced = Dataset::build(&config, &|_, _| ()).unwrap();
         let bytes = stored(&config, &traced).unwrap();
         let back = load(&bytes, &config).unwrap();
-        let told = |set: &Dataset| format!("{:?} {:?} {}", set.train, set.test, set.triangles);
-        assert_eq!(told(&back), told(&traced));
+        let text = |set: &Dataset| format!("{:?} {:?} {}", set.train, set.test, set.triangles);
+        assert_eq!(text(&back), text(&traced));
         let bits = |set: &Dataset| {
             set.train.iter().map(|pair| Placed::from(pair.truth).0.map(f64::to_bits)).collect()
         };
@@ -432,14 +432,14 @@ mod tests {
             let said = load(&bytes, &config(&[set])).unwrap_err();
             assert!(said.contains(key), "{said}");
         }
-        // What shapes no pair may differ.
+        // Keys that shape no pair may differ.
         for set in ["lidar.power=9", "data.success_translation_m=2", "weather.kind=fog"] {
             assert!(load(&bytes, &config(&[set])).is_ok(), "{set}");
         }
     }
 
     #[test]
-    fn a_file_that_is_cut_changed_of_another_version_or_none_is_refused() {
+    fn a_cut_changed_older_or_foreign_file_is_refused() {
         let own = config(&[]);
         let bytes = stored(&own, &Dataset::build(&own, &|_, _| ()).unwrap()).unwrap();
         for length in [0, 7, 12, 15, 16, 40, bytes.len() / 2, bytes.len() - 1] {
@@ -458,7 +458,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_lies_about_itself_is_refused() {
+    fn a_file_with_a_false_header_is_refused() {
         let own = config(&[]);
         let dataset = Dataset::build(&own, &|_, _| ()).unwrap();
         let bytes = stored(&own, &dataset).unwrap();
@@ -479,7 +479,7 @@ mod tests {
         assert!(load(&sealed(header), &own).is_err());
     }
 
-    /// The bytes with another header, and another body if there is one.
+    /// Bytes with a changed header, and with another body if there is one.
     fn rewritten(bytes: &[u8], change: impl FnOnce(&mut Header), body: Option<Vec<u8>>) -> Vec<u8> {
         let (mut header, own) = open(bytes).unwrap();
         change(&mut header);
@@ -497,7 +497,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_whose_checksum_is_right_and_whose_content_is_not_is_refused() {
+    fn a_file_with_a_right_checksum_and_invalid_content_is_refused() {
         let own = config(&[]);
         let bytes = stored(&own, &Dataset::build(&own, &|_, _| ()).unwrap()).unwrap();
         let said = |change: fn(&mut Header), body: Option<Vec<u8>>| {
@@ -518,7 +518,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_of_returns_that_add_up_past_what_a_scan_has_are_refused() {
+    fn counts_of_returns_that_overflow_32_bits_are_refused() {
         let own = config(&["scanner.columns=512", "scanner.rows=256"]);
         let mut small = Dataset::build(&config(&[]), &|_, _| ()).unwrap();
         small.beams = own.scanner.beams();
@@ -544,7 +544,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_of_a_file_that_has_changed_are_refused_and_of_one_that_is_gone_are_not() {
+    fn pairs_of_a_changed_scene_file_are_refused_and_of_a_missing_one_are_read() {
         let folder = tempfile::tempdir().unwrap();
         let scene = folder.path().join("pillars.obj");
         // A floor, and pillars on it.

@@ -1,4 +1,4 @@
-//! A town and where its pairs stand, with nothing scanned.
+//! Town and poses of its pairs, without scans.
 
 use echoloop_sim::scene::Scene;
 use echoloop_sim::viewpoint::Split;
@@ -12,42 +12,42 @@ use crate::dataset::{
 };
 use echoloop_registration::pose::{Pose, relative, to_rows};
 
-/// A town of a configuration.
+/// Town of a configuration.
 pub struct Survey {
-    /// The town.
+    /// Scene and ray casters.
     pub place: Place,
-    /// The seed that it hangs on: none of a mesh, nor of one of the nine towns.
+    /// Seed of a generated town; `None` for a mesh and for a named town.
     pub town: Option<u64>,
-    /// How many towns the configuration has.
+    /// Number of towns of the configuration.
     pub towns: usize,
-    /// Its pairs: those to tune on, then those to judge on.
+    /// Pairs: those to tune on, then those to judge on.
     pub pairs: Vec<SurveyedPair>,
-    /// Why there are no pairs to tune on or to judge on: the place has too few viewpoints.
+    /// Errors of the splits without pairs: the place has too few viewpoints.
     pub missing: Vec<DatasetError>,
 }
 
-/// A pair as a run has it.
+/// Pair of a town, as a run has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurveyedPair {
-    /// Which pairs it is one of.
+    /// Pairs that it belongs to.
     pub split: Split,
-    /// Its number among those of all towns, from 0, as in `pairs.json`.
+    /// Index among the pairs of all towns, from 0, as in `pairs.json`.
     pub number: usize,
-    /// The numbers of its viewpoints: see [`viewpoints`].
+    /// Numbers of the two viewpoints ([`viewpoints`]).
     pub viewpoints: [u32; 2],
-    /// Where the sensor stands, first and second.
+    /// Pose of the sensor, first and second.
     pub world_from_sensor: [Pose; 2],
-    /// The share of what either sensor sees that the other sees, too.
+    /// Overlap, 0 to 1: share of what either sensor sees that the other sees, too.
     pub overlap: f64,
 }
 
 impl SurveyedPair {
-    /// From the first sensor to the second, metres.
+    /// Distance from the first sensor to the second, m.
     pub fn baseline_m(&self) -> f64 {
         self.truth().translation.vector.norm()
     }
 
-    /// By how much the second is turned against the first, degrees.
+    /// Angle between the two sensors, degrees.
     pub fn turn_deg(&self) -> f64 {
         self.truth().rotation.angle().to_degrees()
     }
@@ -58,13 +58,13 @@ impl SurveyedPair {
 }
 
 impl Survey {
-    /// Makes or loads a town of the configuration, by its place among them, and finds its pairs.
-    /// `looking` hears how many pairs there are and how many candidates were tried.
+    /// Makes or loads a town of the configuration by its index, and finds its pairs. `looking` is
+    /// called with the number of pairs found and of candidates tried.
     ///
     /// # Errors
     ///
-    /// [`DatasetError`] when there is no such scene; that no pair fits in it is told in
-    /// [`Survey::missing`].
+    /// [`DatasetError`] when there is no such scene. A town without room for a pair is no error:
+    /// see [`Survey::missing`].
     pub fn of(
         config: &RunConfig,
         index: usize,
@@ -90,17 +90,17 @@ impl Survey {
         Ok(Self { place, town, towns: seeds.len(), pairs, missing })
     }
 
-    /// The pairs to tune on, or those to judge on.
+    /// Pairs to tune on, or those to judge on.
     pub fn of_split(&self, split: Split) -> impl Iterator<Item = &SurveyedPair> {
         self.pairs.iter().filter(move |pair| pair.split == split)
     }
 
-    /// How much the pairs to tune on, or those to judge on, share.
+    /// Overlaps of the pairs to tune on, or of those to judge on.
     pub fn overlaps(&self, split: Split) -> Overlaps {
         Overlaps::new(self.of_split(split).map(|pair| pair.overlap))
     }
 
-    /// From a pair to the nearest viewpoint of the other split, metres; none without any.
+    /// Distance from a pair to the nearest viewpoint of the other split, m; `None` without any.
     pub fn nearest_other_m(&self, pair: &SurveyedPair) -> Option<f64> {
         let others = self.pairs.iter().filter(|other| other.split != pair.split);
         others
@@ -108,13 +108,13 @@ impl Survey {
             .min_by(f64::total_cmp)
     }
 
-    /// The least distance between a viewpoint to tune on and one to judge on, metres.
+    /// Least distance between a viewpoint to tune on and one to judge on, m.
     pub fn least_apart_m(&self) -> Option<f64> {
         let train = self.of_split(Split::Train);
         train.filter_map(|pair| self.nearest_other_m(pair)).min_by(f64::total_cmp)
     }
 
-    /// Of every corner, triangle and material that it has, and of the poses of all pairs.
+    /// Checksum of the scene (vertices, triangles, materials), and of the poses of all pairs.
     pub fn checksums(&self) -> [Checksum; 2] {
         let mut poses = Running::new();
         for pose in self.pairs.iter().flat_map(|pair| &pair.world_from_sensor) {
@@ -128,7 +128,7 @@ fn is_generated(config: &RunConfig) -> bool {
     matches!(Source::of(&config.scene.source), Source::Kind(_) | Source::Roads(_))
 }
 
-/// The pairs of one town with their numbers among those of all.
+/// Pairs of one town with their indices among those of all.
 fn numbered(
     config: &RunConfig,
     split: Split,
@@ -152,7 +152,7 @@ fn of_scene(scene: &Scene) -> Checksum {
     let words = mesh.vertices.iter().flatten().map(|x| x.to_bits());
     words.chain(mesh.triangles.iter().flatten().copied()).for_each(|w| sum.add(&w.to_le_bytes()));
     sum.add(&mesh.materials);
-    // Those that are there: a longer table changes nothing.
+    // Only materials in use: a longer table changes nothing.
     let is_used = |row: usize| mesh.materials.iter().any(|&material| usize::from(material) == row);
     for (_, material) in scene.materials.iter().enumerate().filter(|(row, _)| is_used(*row)) {
         sum.add(material.name.as_bytes());
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn the_towns_pairs_together_are_those_of_a_run_with_their_numbers() {
+    fn pairs_of_all_towns_are_those_of_a_run_with_their_numbers() {
         let config = config(&[]);
         let dataset = Dataset::build(&config, &|_, _| ()).expect("pairs");
         let surveys = [0, 1].map(|index| survey(&config, index));

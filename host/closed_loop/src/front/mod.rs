@@ -1,11 +1,11 @@
-//! A front of error against a cost: for every cost the least error that was found.
+//! Front of error against a cost: the least error found for every cost.
 //!
-//! 1. NSGA-II ([`echoloop_cmaes::Pareto`]) searches from the start and from what a search before
-//!    chose, on some of the training pairs. It sees logarithms of both, which spreads points evenly
-//!    over decades.
-//! 2. The best of all candidates, with start and choice among them, are judged on all training
-//!    pairs. What nothing dominates there is the front.
-//! 3. Its points are judged on the held-out pairs, which choose nothing.
+//! 1. NSGA-II ([`echoloop_cmaes::Pareto`]) searches from the start and from the parameters that the
+//!    search before selected, on some of the training pairs. Its objectives are logarithms, which
+//!    spreads points evenly over decades.
+//! 2. The best candidates, and start and selected parameters, are evaluated on all training pairs.
+//!    Those that none dominates are the front.
+//! 3. Its points are evaluated on the held-out pairs, which select nothing.
 
 mod point;
 
@@ -25,52 +25,52 @@ use crate::search::{Evaluator, Observer, Task, TuneError, TuneSearch, mean_cost}
 use crate::seed::{Purpose, derive};
 pub use point::{Front, FrontPoint, Mark};
 
-/// A search for a front, ready to run.
+/// Search for a front, ready to run.
 pub struct FrontSearch<'a> {
-    /// The search before: configuration, pairs, sensors, start.
+    /// Search before: configuration, pairs, sensors, start.
     pub search: &'a TuneSearch<'a>,
-    /// The axes, with power as far as the sensor goes.
+    /// Axes, with power down to the sensor's least.
     pub space: Space,
-    /// What the search before chose.
+    /// Parameters that the search before selected.
     pub tuned: Parameters,
-    /// Start and choice on the held-out pairs, which the search before has judged.
+    /// Summaries of start and [`Self::tuned`] on the held-out pairs.
     pub judged: [&'a Summary; 2],
-    /// The second objective.
+    /// Second objective.
     pub cost: CostKind,
 }
 
-/// Errors of less than this, ‖T − T*‖_F, are all the same: no pair is registered so well.
+/// Least error in the logarithm, ‖T − T*‖_F: no pair is registered so well.
 const LEAST_ERROR: f64 = 1e-9;
 
-/// How many times as many as there are points on the front are judged on all training pairs at
-/// once, and how often more are if too few stay.
-const RACED: usize = 2;
-const RACES: usize = 3;
+/// Candidates evaluated on all training pairs in the first round, in sizes of the front.
+const FIRST_ROUND: usize = 2;
+/// Most rounds, the later ones of one size of the front, if too few points are left.
+const ROUNDS: usize = 3;
 
-/// How far down its axis the power of the first candidates goes: 75 W to 0.6 mW.
+/// Share of its axis by which the power of the first candidates falls: 75 W to 0.6 mW.
 const LADDER: f64 = 0.75;
 
-/// A candidate on all training pairs.
-struct Raced {
+/// Candidate evaluated on all training pairs.
+struct Finalist {
     parameters: Parameters,
     values: Objectives,
 }
 
 impl FrontSearch<'_> {
-    /// The first line of this search's journal.
+    /// First line of this search's journal.
     pub fn header(&self) -> Header {
         let axes = self.space.axes().iter().map(|axis| axis.name.to_owned()).collect();
         Header { axes, ..self.search.header() }
     }
 
-    /// Registrations of the search, without those of the races.
+    /// Number of registrations of the search, without those on all training pairs.
     pub fn registrations(&self) -> usize {
         let front = self.search.config.front;
         front.generations as usize * front.population * self.pairs().len()
     }
 
-    /// Searches, writing each generation to the journal. `done` are generations that the journal
-    /// already has.
+    /// Searches, and writes each generation to the journal. `done` are generations that the journal
+    /// has already.
     ///
     /// # Errors
     ///
@@ -93,8 +93,8 @@ impl FrontSearch<'_> {
             observer.generation(&generation, total);
             generations.push(generation);
         }
-        let chosen = self.race(&generations, observer)?;
-        self.judged(chosen, &generations, observer)
+        let chosen = self.select(&generations, observer)?;
+        self.evaluated_front(chosen, &generations, observer)
     }
 
     fn optimizer(&self) -> Result<Pareto, TuneError> {
@@ -104,8 +104,8 @@ impl FrontSearch<'_> {
         Ok(Pareto::new(ParetoConfig { starts, dimension, population, seed })?)
     }
 
-    /// The first candidates: start and choice in turns, drawn ever farther towards a point
-    /// anywhere; where energy counts, with ever less power besides.
+    /// First candidates: start and selected parameters in turns, each moved farther towards a
+    /// random point; for a front of energy with less power each.
     fn starts(&self, seed: u64, population: usize) -> Vec<Vec<f64>> {
         let bases = [self.search.start, self.tuned].map(|base| self.space.point(&base));
         let start = |i: usize| {
@@ -127,7 +127,7 @@ impl FrontSearch<'_> {
         self.space.axes()[axis].name == "lidar.power"
     }
 
-    /// Some of the training pairs, the same throughout, ascending.
+    /// Training pairs of every generation, ascending.
     fn pairs(&self) -> Vec<usize> {
         let all = self.search.bench.dataset.train.len();
         let seed = derive(self.search.config.seed, Purpose::Front, 1);
@@ -138,7 +138,7 @@ impl FrontSearch<'_> {
         pairs
     }
 
-    /// The optimiser after generations that a journal has.
+    /// Optimiser after the generations of a journal.
     fn replayed(&self, done: &[Generation]) -> Result<Pareto, TuneError> {
         let mut optimizer = self.optimizer()?;
         for (number, generation) in done.iter().enumerate() {
@@ -150,8 +150,9 @@ impl FrontSearch<'_> {
         Ok(optimizer)
     }
 
-    /// Where a generation of the journal first differs from the one that would be written now. Only
-    /// errors and costs are not known now; what is made of the errors is.
+    /// First field in which a generation of the journal differs from the one that would be drawn
+    /// now. Errors and costs need scans and are taken from the journal; fitness is computed from
+    /// them.
     fn difference(&self, optimizer: &Pareto, found: &Generation) -> Option<&'static str> {
         let (drawn, _) = self.draw(optimizer);
         let own = self.worth();
@@ -172,7 +173,7 @@ impl FrontSearch<'_> {
         fields.into_iter().find(|(_, same)| !same).map(|(field, _)| field)
     }
 
-    /// The next generation as far as it is known before a scan, and its candidates' parameters.
+    /// Next generation before any scan, and the parameters of its candidates.
     fn draw(&self, optimizer: &Pareto) -> (Generation, Vec<Parameters>) {
         let (parameters, candidates) = optimizer
             .ask()
@@ -191,7 +192,7 @@ impl FrontSearch<'_> {
         (generation, parameters)
     }
 
-    /// Evaluates one generation after others. `None`: interrupted.
+    /// Evaluates the next generation; `None` when interrupted.
     fn generation(
         &self,
         optimizer: &Pareto,
@@ -212,8 +213,8 @@ impl FrontSearch<'_> {
             pair,
             noise: derive(seed, Purpose::FrontNoise, pair as u64),
         };
-        // Noise hangs on the pair alone, so who was there before would come out as it did.
-        let (mut new, mut asked) = (Vec::new(), Vec::new());
+        // Noise depends on the pair alone, so a repeated candidate would have the same errors.
+        let (mut new, mut untested) = (Vec::new(), Vec::new());
         for (candidate, own) in generation.candidates.iter_mut().zip(&parameters) {
             match same_before(candidate, own, before, &self.space) {
                 Some(known) => {
@@ -223,25 +224,25 @@ impl FrontSearch<'_> {
                 }
                 None => {
                     new.push(candidate);
-                    asked.push(own);
+                    untested.push(own);
                 }
             }
         }
         let pairs = &generation.pairs;
-        let each = asked.into_iter();
+        let each = untested.into_iter();
         let tasks: Vec<Task<'_>> =
             each.flat_map(|own| pairs.iter().map(move |&pair| task(own, pair))).collect();
-        let Some(judged) = evaluator.evaluate(&tasks)? else { return Ok(None) };
-        let each = judged.chunks(pairs.len());
-        for (candidate, judged) in new.into_iter().zip(each) {
-            candidate.errors = judged.iter().map(|judged| judged.error.clone()).collect();
+        let Some(evaluated) = evaluator.evaluate(&tasks)? else { return Ok(None) };
+        let each = evaluated.chunks(pairs.len());
+        for (candidate, evaluated) in new.into_iter().zip(each) {
+            candidate.errors = evaluated.iter().map(|one| one.error.clone()).collect();
             candidate.fitness = self.worth().of(&candidate.errors);
-            candidate.cost = mean_cost(judged);
+            candidate.cost = mean_cost(evaluated);
         }
         Ok(Some(generation))
     }
 
-    /// The plain mean, whatever the search before took: what the front is drawn with.
+    /// Arithmetic mean, whatever the search before used: the front shows it.
     fn worth(&self) -> Worth {
         Worth { mean: ErrorMean::Arithmetic, cap: self.search.config.tune.error_cap }
     }
@@ -249,7 +250,7 @@ impl FrontSearch<'_> {
     fn tell(&self, optimizer: &mut Pareto, generation: &Generation) {
         let values: Vec<Objectives> =
             generation.candidates.iter().map(|candidate| self.values(candidate)).collect();
-        // There is a candidate for each that was asked for: drawn here, or compared with what was.
+        // Never refused: `draw` made one candidate for each asked point, and `difference` compared.
         let _ = optimizer.tell(&values);
     }
 
@@ -258,32 +259,36 @@ impl FrontSearch<'_> {
         logarithms(candidate.fitness, cost)
     }
 
-    /// Judges the best of all candidates on all training pairs, with start and choice among them;
-    /// those that nothing dominates, the loneliest of them where they are too many.
-    fn race(
+    /// Parameters of the front: the best candidates, start and selected parameters, evaluated on
+    /// all training pairs, without the dominated ones and without the most crowded beyond the
+    /// limit.
+    fn select(
         &self,
         generations: &[Generation],
         observer: &dyn Observer,
     ) -> Result<Vec<Parameters>, TuneError> {
         let most = self.search.config.front.points;
         let mut waiting = self.entrants(generations).into_iter();
-        let mut raced = Vec::new();
-        for race in 0..RACES {
-            let count = if race == 0 { RACED * most + 2 } else { most };
+        let mut finalists = Vec::new();
+        for round in 0..ROUNDS {
+            let count = if round == 0 { FIRST_ROUND * most + 2 } else { most };
             let entrants: Vec<Parameters> = waiting.by_ref().take(count).collect();
             let pairs = self.search.bench.dataset.train.len();
             observer.stage("racing", entrants.len() * pairs);
             for parameters in entrants {
-                raced.push(self.raced(parameters, generations.len(), observer)?);
+                finalists.push(self.finalist(parameters, generations.len(), observer)?);
             }
-            if front_of(&raced).len() >= most {
+            if front_of(&finalists).len() >= most {
                 break;
             }
         }
-        Ok(thinned(front_of(&raced), most).into_iter().map(|raced| raced.parameters).collect())
+        Ok(thinned(front_of(&finalists), most)
+            .into_iter()
+            .map(|finalist| finalist.parameters)
+            .collect())
     }
 
-    /// Start, choice, then every candidate, best first and each once.
+    /// Start, selected parameters, then every candidate, best first and each once.
     fn entrants(&self, generations: &[Generation]) -> Vec<Parameters> {
         let candidates: Vec<&CandidateRecord> =
             generations.iter().flat_map(|generation| &generation.candidates).collect();
@@ -295,12 +300,12 @@ impl FrontSearch<'_> {
         all.filter(|parameters| seen.insert(format!("{parameters:?}"))).collect()
     }
 
-    fn raced(
+    fn finalist(
         &self,
         parameters: Parameters,
         generations: usize,
         observer: &dyn Observer,
-    ) -> Result<Raced, TuneError> {
+    ) -> Result<Finalist, TuneError> {
         if self.search.stop.load(Ordering::Relaxed) {
             return Err(TuneError::Interrupted { generations });
         }
@@ -311,11 +316,11 @@ impl FrontSearch<'_> {
         let scanner = self.search.scanner();
         let summary = evaluate_and_cost(bench, &parameters, &noisy, &scanner, &config.data, &done)?;
         let cost = summary.cost.map_or(f64::NAN, |cost| self.cost.of(&cost));
-        Ok(Raced { parameters, values: logarithms(self.worth().of(&summary.errors), cost) })
+        Ok(Finalist { parameters, values: logarithms(self.worth().of(&summary.errors), cost) })
     }
 
-    /// The front on the held-out pairs.
-    fn judged(
+    /// Front with errors and costs on the held-out pairs.
+    fn evaluated_front(
         &self,
         chosen: Vec<Parameters>,
         generations: &[Generation],
@@ -343,8 +348,8 @@ impl FrontSearch<'_> {
     }
 }
 
-/// The first candidate of generations before that had the same parameters: a child that nothing
-/// changed, or one changed by less than the sensor's steps.
+/// First earlier candidate with the same parameters: its child was not changed, or by less than the
+/// sensor's steps.
 fn same_before<'a>(
     drawn: &CandidateRecord,
     own: &Parameters,
@@ -355,25 +360,26 @@ fn same_before<'a>(
     all.find(|c| c.settings == drawn.settings && space.parameters(&c.point).0 == *own)
 }
 
-/// Of what is no number, no number: it ranks last.
+/// Logarithms of error and cost. NaN stays NaN, which ranks last.
 fn logarithms(error: f64, cost: f64) -> Objectives {
     let error = if error < LEAST_ERROR { LEAST_ERROR } else { error };
     [libm::log(error), libm::log(cost)]
 }
 
-/// What nothing dominates; of those that come out alike, which differ in what nothing reads, the
-/// first.
-fn front_of(raced: &[Raced]) -> Vec<&Raced> {
-    let is_free = |own: &Raced| !raced.iter().any(|other| dominates(other.values, own.values));
-    let is_first = |i: usize| raced[..i].iter().all(|other| other.values != raced[i].values);
-    let each = raced.iter().enumerate();
+/// Candidates that none dominates; of several with equal values the first.
+fn front_of(finalists: &[Finalist]) -> Vec<&Finalist> {
+    let is_free =
+        |own: &Finalist| !finalists.iter().any(|other| dominates(other.values, own.values));
+    let is_first =
+        |i: usize| finalists[..i].iter().all(|other| other.values != finalists[i].values);
+    let each = finalists.iter().enumerate();
     each.filter(|&(i, own)| is_first(i) && is_free(own)).map(|(_, own)| own).collect()
 }
 
-/// At most so many, without those that stand closest to others, one after the other.
-fn thinned(mut front: Vec<&Raced>, most: usize) -> Vec<&Raced> {
+/// At most `most` candidates: the most crowded is removed, one after the other.
+fn thinned(mut front: Vec<&Finalist>, most: usize) -> Vec<&Finalist> {
     while front.len() > most {
-        let values: Vec<Objectives> = front.iter().map(|raced| raced.values).collect();
+        let values: Vec<Objectives> = front.iter().map(|finalist| finalist.values).collect();
         let Some(closest) = sorted_by_crowding(&values).pop() else { break };
         front.remove(closest);
     }
@@ -387,10 +393,10 @@ mod tests {
     use echoloop_dsp::Hardware;
 
     #[test]
-    fn a_front_is_what_nothing_dominates_and_loses_its_closest_first() {
+    fn a_front_has_no_dominated_point_and_loses_the_most_crowded_first() {
         let start = Parameters::start(&RunConfig::default(), &Hardware::REFERENCE).unwrap();
-        let raced = |values| Raced { parameters: start, values };
-        let all: Vec<Raced> = [
+        let finalist = |values| Finalist { parameters: start, values };
+        let all: Vec<Finalist> = [
             [1.0, 9.0],
             [2.0, 8.9], // beside the next
             [2.1, 8.8],
@@ -399,16 +405,17 @@ mod tests {
             [5.0, 5.0], // the same again
             [9.0, 1.0],
         ]
-        .map(raced)
+        .map(finalist)
         .into();
         let front = front_of(&all);
         assert_eq!(front.len(), 5);
-        let values: Vec<Objectives> = thinned(front, 4).iter().map(|raced| raced.values).collect();
+        let values: Vec<Objectives> =
+            thinned(front, 4).iter().map(|finalist| finalist.values).collect();
         assert_eq!(values, [[1.0, 9.0], [2.1, 8.8], [5.0, 5.0], [9.0, 1.0]]);
     }
 
     #[test]
-    fn a_candidate_is_known_by_its_parameters_and_by_nothing_else() {
+    fn a_candidate_is_recognised_by_its_parameters_alone() {
         let config = RunConfig::default();
         let start = Parameters::start(&config, &Hardware::REFERENCE).unwrap();
         let (tune, preset) = (&config.tune, config.registration.preset);
@@ -444,7 +451,7 @@ mod tests {
     }
 
     #[test]
-    fn logarithms_bear_an_error_of_nothing_and_keep_what_is_no_number() {
+    fn logarithms_of_zero_are_finite_and_of_nan_stay_nan() {
         assert!(logarithms(0.0, 1.0)[0].is_finite());
         assert!(logarithms(f64::NAN, 1.0)[0].is_nan());
         assert!(!logarithms(0.1, f64::NAN)[1].is_finite());

@@ -1,4 +1,4 @@
-//! The front as it is written down.
+//! Front of error against a cost, as results hold it.
 
 use echoloop_statistics::{mean, mean_interval};
 use serde::{Deserialize, Serialize};
@@ -8,52 +8,52 @@ use crate::evaluation::compare::{Comparison, worths};
 use crate::evaluation::summary::Summary;
 use crate::parameters::{Values, written_values};
 
-/// What parameters are worth on the held-out pairs, and what they cost there.
+/// Error and cost of parameters on the held-out pairs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mark {
     /// Mean ‖T_est − T*‖_F, each at most the cap of the search.
     pub error: f64,
-    /// Its 95 % interval, by bootstrap over pairs.
+    /// 95 % interval of that mean, by bootstrap over pairs.
     pub interval: [f64; 2],
     /// Share of pairs that succeed, percent.
     pub recall_pct: f64,
     /// Median e_t over all pairs, m.
     pub median_translation_m: f64,
-    /// What a scan costs.
+    /// Mean cost of a scan.
     pub cost: ScanCost,
 }
 
-/// A point of the front.
+/// Point of the front.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrontPoint {
     /// All parameters.
     #[serde(serialize_with = "written_values")]
     pub values: Values,
-    /// What they are worth.
+    /// Error and cost.
     #[serde(flatten)]
     pub mark: Mark,
-    /// Their error less that of the start, on the same pairs.
+    /// Error minus that of the start, pair by pair.
     pub comparison: Comparison,
 }
 
-/// A front of error against a cost.
+/// Front of error against a cost.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Front {
-    /// The cost.
+    /// Kind of cost.
     pub cost: CostKind,
-    /// Held-out pairs.
+    /// Number of held-out pairs.
     pub pairs: usize,
-    /// The start.
+    /// Error and cost of the start.
     pub default: Mark,
-    /// What the search before the front's chose.
+    /// Error and cost of the parameters that the search before selected.
     pub tuned: Mark,
-    /// Cheapest first. Chosen on training pairs.
+    /// Points, cheapest first, selected on training pairs.
     pub points: Vec<FrontPoint>,
 }
 
 impl Front {
-    /// Of start, choice, and the points, each judged on the held-out pairs.
-    pub(super) fn new(cost: CostKind, cap: f64, judged: Vec<(Values, Summary)>) -> Self {
+    /// Front from summaries on the held-out pairs: start, selected parameters, then the points.
+    pub(super) fn new(cost: CostKind, cap: f64, evaluated: Vec<(Values, Summary)>) -> Self {
         let unknown = Mark {
             error: f64::NAN,
             interval: [f64::NAN; 2],
@@ -61,32 +61,32 @@ impl Front {
             median_translation_m: f64::NAN,
             cost: ScanCost::UNKNOWN,
         };
-        let mark = |i: usize| judged.get(i).map_or(unknown, |(_, summary)| mark(summary, cap));
+        let mark = |i: usize| evaluated.get(i).map_or(unknown, |(_, summary)| mark(summary, cap));
         let (default, tuned) = (mark(0), mark(1));
-        let start = judged.first().map_or(&[][..], |(_, start)| &start.errors);
+        let start = evaluated.first().map_or(&[][..], |(_, start)| &start.errors);
         let point = |(i, (values, summary)): (usize, &(Values, Summary))| FrontPoint {
             values: values.clone(),
             mark: mark(i),
             comparison: Comparison::new(start, &summary.errors, cap),
         };
-        let mut points: Vec<FrontPoint> = judged.iter().enumerate().skip(2).map(point).collect();
+        let mut points: Vec<FrontPoint> = evaluated.iter().enumerate().skip(2).map(point).collect();
         points.sort_by(|a, b| cost.of(&a.mark.cost).total_cmp(&cost.of(&b.mark.cost)));
         Self { cost, pairs: start.len(), default, tuned, points }
     }
 
-    /// The cheapest point whose error is not beyond doubt higher than the start's.
+    /// Cheapest point whose error is not significantly higher than the start's.
     pub fn cheapest_as_good(&self) -> Option<&FrontPoint> {
         self.points.iter().find(|point| !point.comparison.is_worse())
     }
 
-    /// The cheapest point whose mean error is no higher than the start's.
+    /// Cheapest point whose mean error is no higher than the start's.
     pub fn cheapest_no_higher(&self) -> Option<&FrontPoint> {
         self.points.iter().find(|point| point.comparison.difference <= 0.0)
     }
 
-    /// `the same error at 1/40 of the energy, as far as 40 pairs tell; …`
+    /// Sentence: `the same error at 1/40 of the energy, as far as 40 pairs tell; …`.
     pub fn verdict(&self) -> String {
-        let said = |point: &FrontPoint| {
+        let phrase = |point: &FrontPoint| {
             point.comparison.at_cost(self.cost, &self.default.cost, &point.mark.cost)
         };
         if self.default.recall_pct == 0.0 {
@@ -96,10 +96,10 @@ impl Front {
         let Some(cheapest) = self.cheapest_as_good() else {
             return "no point errs as little as the default".into();
         };
-        let first = format!("{}, as far as {} pairs tell", said(cheapest), self.pairs);
+        let first = format!("{}, as far as {} pairs tell", phrase(cheapest), self.pairs);
         match self.cheapest_no_higher() {
             Some(point) if point == cheapest => first,
-            Some(point) => format!("{first}; with a mean that is no higher, {}", said(point)),
+            Some(point) => format!("{first}; with a mean that is no higher, {}", phrase(point)),
             None => format!("{first}; no point has a mean that is no higher"),
         }
     }
@@ -122,8 +122,8 @@ mod tests {
     use crate::config::DataConfig;
     use crate::evaluation::objective::PairError;
 
-    /// So many J, and pairs that err by so much, one up, one down.
-    fn judged(energy_j: f64, error: f64, spread: f64) -> (Values, Summary) {
+    /// Summary of 40 pairs with errors `error ± spread` in turns, and its energy.
+    fn evaluated(energy_j: f64, error: f64, spread: f64) -> (Values, Summary) {
         let pair = |pair: usize| {
             let frobenius = error + [spread, -spread][pair % 2];
             let stop = String::new();
@@ -144,16 +144,16 @@ mod tests {
     }
 
     #[test]
-    fn a_front_is_sorted_and_says_for_what_the_start_s_error_is_to_be_had() {
+    fn a_front_is_sorted_and_names_the_cost_of_the_start_s_error() {
         let front = Front::new(
             CostKind::Energy,
             1.0,
             vec![
-                judged(1e-3, 0.10, 0.0),
-                judged(5e-4, 0.05, 0.0),
-                judged(2e-6, 0.09, 0.0),
-                judged(1e-8, 0.50, 0.0),
-                judged(1e-6, 0.105, 0.03),
+                evaluated(1e-3, 0.10, 0.0),
+                evaluated(5e-4, 0.05, 0.0),
+                evaluated(2e-6, 0.09, 0.0),
+                evaluated(1e-8, 0.50, 0.0),
+                evaluated(1e-6, 0.105, 0.03),
             ],
         );
         let energies: Vec<f64> = front.points.iter().map(|p| p.mark.cost.energy_j).collect();
@@ -170,13 +170,13 @@ mod tests {
         let none = Front::new(
             CostKind::Energy,
             1.0,
-            vec![judged(1.0, 0.1, 0.0), judged(1.0, 0.1, 0.0), judged(1e-3, 0.2, 0.0)],
+            vec![evaluated(1.0, 0.1, 0.0), evaluated(1.0, 0.1, 0.0), evaluated(1e-3, 0.2, 0.0)],
         );
         assert_eq!(none.verdict(), "no point errs as little as the default");
-        let (nothing, mut summary) = judged(1.0, 1.0, 0.0);
+        let (nothing, mut summary) = evaluated(1.0, 1.0, 0.0);
         summary.recall_pct = 0.0;
         let blind = (nothing, summary);
-        let dark = judged(1e-9, 1.0, 0.0);
+        let dark = evaluated(1e-9, 1.0, 0.0);
         let front = Front::new(CostKind::Energy, 1.0, vec![blind.clone(), blind, dark]);
         assert!(front.verdict().contains("registers none of 40 pairs"), "{}", front.verdict());
     }

@@ -1,4 +1,4 @@
-//! Files that are there whole or not at all: written beside their place, made durable, renamed.
+//! Atomic files, whole or absent: written beside their place, made durable, then renamed.
 
 use std::fs::{self, File, Metadata, OpenOptions, TryLockError};
 use std::io::{self, Write};
@@ -7,44 +7,43 @@ use std::path::{Path, PathBuf};
 use echoloop_files::folder_of;
 use thiserror::Error;
 
-/// A file that cannot be written or read.
+/// Failed operation on a file.
 #[derive(Debug, Error)]
 #[error("cannot {verb} {}: {source}", path.display())]
 pub struct FileError {
-    /// What was tried.
+    /// Operation: `write`, `open`, `lock`.
     pub verb: &'static str,
     /// The file.
     pub path: PathBuf,
-    /// Why not.
+    /// Reason.
     pub source: io::Error,
 }
 
-/// Names the file and what was tried.
+/// Error of an operation on a file, for `map_err`.
 pub fn file_error(verb: &'static str, path: &Path) -> impl FnOnce(io::Error) -> FileError {
     move |source| FileError { verb, path: path.to_owned(), source }
 }
 
-/// Ending of a file that is being written.
+/// Suffix of a file that is being written.
 pub const PART: &str = ".part";
 
-/// A path with more at its end.
+/// Path with a suffix appended.
 pub fn beside(path: &Path, ending: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(ending);
     name.into()
 }
 
-/// Whether a file of ours can lie there: nothing does, or a file. A link is none, wherever it
-/// leads.
+/// Accepts a path where nothing or a regular file lies. A link is refused, wherever it leads.
 ///
 /// # Errors
 ///
-/// What else is in the way.
+/// [`FileError`] names what else is in the way.
 pub fn is_free_for_a_file(path: &Path) -> Result<(), FileError> {
     match fs::symlink_metadata(path) {
         Ok(found) if found.is_file() => Ok(()),
         Ok(found) => {
-            let problem = format!("{} is in the way", name_of(&found));
+            let problem = format!("{} is in the way", kind_of(&found));
             Err(file_error("write", path)(io::Error::other(problem)))
         }
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
@@ -52,7 +51,7 @@ pub fn is_free_for_a_file(path: &Path) -> Result<(), FileError> {
     }
 }
 
-fn name_of(found: &Metadata) -> &'static str {
+fn kind_of(found: &Metadata) -> &'static str {
     if found.is_dir() {
         "a folder"
     } else if found.is_symlink() {
@@ -60,7 +59,7 @@ fn name_of(found: &Metadata) -> &'static str {
     } else if is_fifo(found) {
         "a FIFO"
     } else {
-        "what is no file"
+        "a special file"
     }
 }
 
@@ -84,14 +83,14 @@ fn is_device(_: &Metadata) -> bool {
     false
 }
 
-/// Whether a path is a name for something that a shell has opened for us: `/dev/stdout`, or
-/// `/dev/fd/63` of `>(gzip > cloud.ply.gz)`. To open it waits for nobody.
+/// True when a path names a descriptor that a shell has opened: `/dev/stdout`, or `/dev/fd/63` of
+/// `>(gzip > cloud.ply.gz)`. Opening it does not wait for a reader.
 fn is_open_already(path: &Path) -> bool {
     path == Path::new("/dev/stdout")
         || ["/dev/fd", "/proc/self/fd"].iter().any(|at| path.starts_with(at))
 }
 
-/// Whether a path leads to this open file still, and through no link.
+/// True when a path still leads to this open file, and not through a link.
 #[cfg(unix)]
 pub fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -100,13 +99,13 @@ pub fn is_at(file: &File, path: &Path) -> bool {
     matches!((open, there), (Ok(open), Ok(there)) if open == there)
 }
 
-/// Whether a path leads to a file still, as far as can be told here.
+/// True when a path leads to a regular file, which is all that this system tells.
 #[cfg(not(unix))]
 pub fn is_at(_: &File, path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok_and(|found| found.is_file())
 }
 
-/// Opens a file of ours, and nothing else that lies there.
+/// Opens a regular file, and refuses a link, a FIFO or a folder.
 ///
 /// # Errors
 ///
@@ -121,7 +120,7 @@ pub fn open_own(path: &Path, options: &OpenOptions) -> Result<File, FileError> {
     Ok(file)
 }
 
-/// Begins a file that is not there yet; what a process that died left of it goes.
+/// Creates a part file. Removes one that a process left that died.
 ///
 /// # Errors
 ///
@@ -134,12 +133,12 @@ pub fn begin_part(part: &Path) -> Result<File, FileError> {
         }
         _ => {}
     }
-    // Exclusive: whatever has come there meanwhile, a link too, is not opened.
+    // Exclusive: a link or file that appears meanwhile is not opened.
     let mut options = OpenOptions::new();
     options.read(true).write(true).create_new(true).open(part).map_err(file_error("write", part))
 }
 
-/// Makes a part the file: durable first, then in its place, then the place durable.
+/// Moves a part file to its place: the content durable first, then renamed, then the name durable.
 ///
 /// # Errors
 ///
@@ -156,7 +155,7 @@ pub fn settle_part(file: &File, part: &Path, path: &Path) -> Result<(), FileErro
 pub fn sync_folder_of(path: &Path) -> Result<(), FileError> {
     let folder = folder_of(path);
     match File::open(folder).and_then(|folder| folder.sync_all()) {
-        // Some file systems keep names without being asked, and refuse to be.
+        // Some file systems keep names durable by themselves and refuse the call.
         Err(e) if !matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => {
             Err(file_error("write in", folder)(e))
         }
@@ -164,13 +163,13 @@ pub fn sync_folder_of(path: &Path) -> Result<(), FileError> {
     }
 }
 
-/// Names are durable when the system says so.
+/// Does nothing: this system has no call for it.
 #[cfg(not(unix))]
 pub fn sync_folder_of(_: &Path) -> Result<(), FileError> {
     Ok(())
 }
 
-/// Makes a folder, and those above it that are missing, durably.
+/// Makes a folder and its missing parents, durably.
 ///
 /// # Errors
 ///
@@ -182,11 +181,11 @@ pub fn make_folders(folder: &Path) -> Result<(), FileError> {
     missing.into_iter().try_for_each(sync_folder_of)
 }
 
-/// Writes a whole file in the place of what was there, durably.
+/// Replaces a file as a whole, durably.
 ///
 /// # Errors
 ///
-/// [`FileError`]; what was there is whole then.
+/// [`FileError`]; the old file is then unchanged.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     replace_by(&beside(path, PART), path, bytes)
 }
@@ -201,17 +200,17 @@ fn replace_by(part: &Path, path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     settled
 }
 
-/// A file that a user names, to be written when a command is done.
+/// Output file that a user names, written when a command is done.
 #[derive(Clone, Debug)]
 pub struct Output {
     path: PathBuf,
-    /// It is a device, as `/dev/null`, or a pipe of the shell, and nothing can take its place.
+    /// Device, as `/dev/null`, or pipe of the shell: nothing can be renamed to its place.
     is_stream: bool,
 }
 
 impl Output {
-    /// Sees whether it can be written, before any work; leaves what is there. A user's own link is
-    /// followed.
+    /// Checks before any work that the file can be written. What is there stays. A user's own link
+    /// is followed.
     ///
     /// # Errors
     ///
@@ -230,12 +229,12 @@ impl Output {
         Ok(output)
     }
 
-    /// Whether it is a device or a pipe, whose name tells nothing of what it takes.
+    /// True for a device or a pipe, whose name has no extension to tell a format by.
     pub fn is_stream(&self) -> bool {
         self.is_stream
     }
 
-    /// Writes it, whole or not at all; but to a device or a pipe, as far as it takes it.
+    /// Writes the file, whole or not at all. To a device or a pipe it writes what is taken.
     ///
     /// # Errors
     ///
@@ -249,13 +248,13 @@ impl Output {
         replace_by(&self.part(), &self.path, bytes)
     }
 
-    /// Of this process: another may write the same file at the same time, and the later one wins.
+    /// Part file of this process: another may write the same file, and the later one wins.
     fn part(&self) -> PathBuf {
         beside(&self.path, &format!("{PART}{}", std::process::id()))
     }
 }
 
-/// A file that one process holds. The system lets go of it when the process ends, however it ends.
+/// Lock file of one process. The system releases it when the process ends, even when killed.
 #[derive(Debug)]
 pub struct Lock {
     path: PathBuf,
@@ -263,7 +262,7 @@ pub struct Lock {
 }
 
 impl Lock {
-    /// Takes a lock, or says that somebody has it.
+    /// Takes the lock. Refuses when another process holds it.
     ///
     /// # Errors
     ///
@@ -273,7 +272,7 @@ impl Lock {
         let file = open_own(path, options.write(true).create(true).truncate(false))?;
         let held = || io::Error::other("another process writes this run; wait for it, or end it");
         match file.try_lock() {
-            // Its last holder may have removed it between our opening and our locking.
+            // Its last holder may have removed the file between opening and locking.
             Ok(()) if is_at(&file, path) => Ok(Self { path: path.to_owned(), file }),
             Ok(()) | Err(TryLockError::WouldBlock) => Err(file_error("lock", path)(held())),
             Err(TryLockError::Error(error)) => Err(file_error("lock", path)(error)),
@@ -283,7 +282,7 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // While it is held: whoever opened it before sees that it is gone.
+        // Removed while held, so that another process that has opened it sees that it is gone.
         if cfg!(unix) && is_at(&self.file, &self.path) {
             let _ = fs::remove_file(&self.path);
         }
@@ -295,7 +294,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_is_replaced_whole_and_nothing_is_left_beside_it() {
+    fn a_file_is_replaced_as_a_whole_and_leaves_no_part() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
         fs::write(beside(&path, PART), "left by a process that died").unwrap();
@@ -307,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn one_holder_at_a_time_and_none_leaves_a_trace() {
+    fn a_lock_has_one_holder_at_a_time_and_leaves_no_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lock");
         let held = Lock::take(&path).unwrap();

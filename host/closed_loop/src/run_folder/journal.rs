@@ -1,17 +1,17 @@
-//! The record of a search: one JSON line a generation, enough to go on from.
+//! Journal of a search: one JSON line a generation, enough to resume from.
 //!
-//! The first line says what the search was; each further line is a generation with every candidate,
-//! its values, its errors and its fitness. The optimiser's state is a function of what it was told,
-//! so a resumed search tells it again.
+//! The first line identifies the search; each further line is a generation with every candidate,
+//! its values, its errors and its fitness. The optimiser's state is a function of the fitness
+//! values it was told, so a resumed search tells it again.
 //!
 //! ```text
-//! {"journal":2, …,"check":"995dc9bbdf1939fa"}      line 1
+//! {"journal":3, …,"check":"995dc9bbdf1939fa"}      line 1
 //! {"generation":0, …,"check":"…"}                  line 2
 //! ```
 //!
-//! A line's last member is the checksum of the checksum before it and of the line up to it, so that
-//! a line that is changed, lost, doubled, moved or of another run shows. A generation is on the
-//! disk before the search goes on: [`Journal::add`] returns once the system says so.
+//! A line's last member is the checksum of the previous checksum and of the line up to it. It
+//! reveals a line that is changed, lost, doubled, moved or of another run. A generation is on the
+//! disk before the search goes on: [`Journal::add`] returns once the system has confirmed it.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
@@ -32,7 +32,7 @@ use crate::run_folder::files::{
     FileError, PART, begin_part, beside, file_error, open_own, replace, settle_part, sync_folder_of,
 };
 
-/// First line: what the search was.
+/// First line: identity of the search.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Header {
@@ -48,14 +48,14 @@ pub struct Header {
     pub config: Value,
     /// The axes searched, in the cube's order.
     pub axes: Vec<String>,
-    /// What was scanned, and with what.
+    /// Checksums of the scans, the scene and the sensor.
     pub content: Content,
 }
 
 /// Version of the journal's format. Lines of format 1 had no checksums, those of format 2 no stage.
 pub const FORMAT: u32 = 3;
 
-/// One candidate.
+/// Candidate of a generation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CandidateRecord {
@@ -69,17 +69,17 @@ pub struct CandidateRecord {
     pub repaired: Vec<String>,
     /// Hash of its settings, as the sensor named them.
     pub settings: u32,
-    /// How each pair of the generation came out.
+    /// Error of each pair of the generation.
     pub errors: Vec<PairError>,
-    /// What the optimiser was told.
+    /// Fitness that the optimiser was told.
     pub fitness: f64,
-    /// What a scan costs, where that is told as well.
+    /// Cost of a scan, in a search for a front.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cost: Option<ScanCost>,
 }
 
 impl CandidateRecord {
-    /// What is known of the candidate at a point before a scan, and its parameters.
+    /// Parameters of the candidate at a point, and its record before any scan.
     pub fn drawn(space: &Space, point: Vec<f64>) -> (Parameters, Self) {
         let (parameters, repaired) = space.parameters(&point);
         let record = Self {
@@ -95,34 +95,34 @@ impl CandidateRecord {
     }
 }
 
-/// One generation.
+/// Generation of a search.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Generation {
     /// Its number, from 0.
     pub generation: u32,
-    /// The search that it is of: `registration`, `lidar`, `joint` or `front`.
+    /// Stage of the search: `registration`, `lidar`, `joint` or `front`.
     pub stage: String,
-    /// The training pairs it saw.
+    /// Training pairs that its candidates were scanned on.
     pub pairs: Vec<usize>,
-    /// Middle of the distribution that its candidates were drawn from, in the cube; empty of a
-    /// front, whose search draws from none.
+    /// Mean of the distribution that its candidates were drawn from, in the cube; empty for a
+    /// front, whose search has no distribution.
     pub mean: Vec<f64>,
-    /// Standard deviations of that distribution, in the cube; empty likewise.
+    /// Standard deviations of that distribution, in the cube; empty for a front.
     pub deviations: Vec<f64>,
-    /// Its step size; 0 likewise.
+    /// Step size; 0 for a front.
     pub sigma: f64,
     /// Its candidates.
     pub candidates: Vec<CandidateRecord>,
 }
 
-/// Why a journal cannot be used.
+/// Unusable journal.
 #[derive(Debug, Error)]
 pub enum JournalError {
-    /// No access.
+    /// File error.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A line is damaged.
+    /// Damaged line.
     #[error(
         "{}: line {line} is {what}; the {whole} generations before it are whole (--repair keeps \
          them and goes on, and leaves a copy of the damaged file)",
@@ -133,34 +133,34 @@ pub enum JournalError {
         path: PathBuf,
         /// The line, from 1.
         line: usize,
-        /// What is wrong.
+        /// Fault.
         what: String,
         /// Whole generations before it.
         whole: usize,
     },
-    /// It belongs to another search.
+    /// Journal of another search.
     #[error("{}: {what}", path.display())]
     Other {
         /// The journal.
         path: PathBuf,
-        /// How it differs.
+        /// Difference.
         what: String,
     },
 }
 
-/// An open journal.
+/// Open journal.
 #[derive(Debug)]
 pub struct Journal {
     path: PathBuf,
     file: File,
-    /// Of the last line.
+    /// Checksum of the last line.
     check: String,
     /// Bytes of whole lines.
     length: u64,
 }
 
 impl Journal {
-    /// Begins a journal. It has its first line or is not there.
+    /// Creates a journal with its first line, or none.
     ///
     /// # Errors
     ///
@@ -178,11 +178,11 @@ impl Journal {
         Ok(Self { path: path.to_owned(), ..journal })
     }
 
-    /// Sees whether there is a journal to go on with, before any work: whole, or to be repaired.
+    /// Checks before any work that a journal can be resumed: it is whole, or `repair` is allowed.
     ///
     /// # Errors
     ///
-    /// [`JournalError`] of what can be told from the journal alone.
+    /// [`JournalError`], as far as the journal alone tells.
     pub fn check(path: &Path, repair: bool) -> Result<(), JournalError> {
         match read(path)? {
             _ if repair => Ok(()),
@@ -190,23 +190,24 @@ impl Journal {
         }
     }
 
-    /// What is in a whole journal, to look at.
+    /// Reads a whole journal.
     ///
     /// # Errors
     ///
-    /// [`JournalError`]; of a damaged line its number.
+    /// [`JournalError`] with the number of a damaged line.
     pub fn read(path: &Path) -> Result<(Header, Vec<Generation>), JournalError> {
         let found = parse(path, &read(path)?)?;
         found.damage.map_or(Ok((found.header, found.generations)), Err)
     }
 
-    /// Opens a journal to go on with it.
+    /// Opens a journal to append to it.
+    ///
+    /// With `repair`, the damaged rest is dropped, and a damaged first line is rewritten when the
+    /// checksum of a later line confirms it. The whole file is copied beside itself first.
     ///
     /// # Errors
     ///
-    /// [`JournalError`]; of a damaged line its number. With `repair`, the damaged rest is dropped
-    /// and a damaged first line written anew, if the line after it says that it was this one.
-    /// Before that, the whole file is copied beside itself.
+    /// [`JournalError`] with the number of a damaged line.
     pub fn resume(
         path: &Path,
         header: &Header,
@@ -214,10 +215,10 @@ impl Journal {
     ) -> Result<(Self, Vec<Generation>), JournalError> {
         let bytes = read(path)?;
         let found = match parse(path, &bytes) {
-            Err(error) if repair => beheaded(path, &bytes, header).ok_or(error)?,
+            Err(error) if repair => with_expected_header(path, &bytes, header).ok_or(error)?,
             found => found?,
         };
-        agree(path, &found.header, header)?;
+        check_header(path, &found.header, header)?;
         if let Some(error) = found.damage {
             if !repair {
                 return Err(error);
@@ -230,7 +231,7 @@ impl Journal {
         Ok((Self { path: path.to_owned(), file, check: found.check, length }, found.generations))
     }
 
-    /// Adds a generation: one line, on the disk when this returns.
+    /// Appends a generation: one line, on the disk when this returns.
     ///
     /// # Errors
     ///
@@ -243,7 +244,7 @@ impl Journal {
         let (line, check) = sealed(&self.check, value)
             .map_err(|error| file_error("write", &self.path)(error.into()))?;
         if let Err(error) = self.file.write_all(&line).and_then(|()| self.file.sync_data()) {
-            let _ = self.file.set_len(self.length); // of a full disk: no half line
+            let _ = self.file.set_len(self.length); // a full disk leaves no half line
             return Err(file_error("write", &self.path)(error).into());
         }
         self.check = check;
@@ -252,17 +253,17 @@ impl Journal {
     }
 }
 
-/// What stands before a line's checksum, and after it.
+/// Bytes before a line's checksum, and after it.
 const SEAL: (&[u8], &[u8]) = (b",\"check\":\"", b"\"}\n");
 
-/// Bytes of a header at most; a configuration has [`echoloop_files::MOST_TEXT`], and a document of
-/// it takes up to twenty times as many.
+/// Most bytes of a header: a configuration has at most [`echoloop_files::MOST_TEXT`], and takes up
+/// to twenty times as many in JSON.
 const MOST_HEADER: usize = 2 << 20;
 
 /// Digits of a checksum.
 const DIGITS: usize = 16;
 
-/// A line with its checksum, and that alone.
+/// Line with its checksum, and the checksum alone.
 fn sealed(before: &str, value: &impl Serialize) -> serde_json::Result<(Vec<u8>, String)> {
     Ok(sealed_line(before, serde_json::to_vec(value)?))
 }
@@ -276,7 +277,7 @@ fn sealed_line(before: &str, mut line: Vec<u8>) -> (Vec<u8>, String) {
     (line, check)
 }
 
-/// Any lines as a journal whose checksums are right, to try its reader with.
+/// Journal of any lines with valid checksums, to test its reader with.
 pub fn sealed_lines<'a>(lines: impl Iterator<Item = &'a [u8]>) -> Vec<u8> {
     let (mut journal, mut before) = (Vec::new(), String::new());
     for line in lines {
@@ -287,7 +288,7 @@ pub fn sealed_lines<'a>(lines: impl Iterator<Item = &'a [u8]>) -> Vec<u8> {
     journal
 }
 
-/// How many whole generations are in a journal's bytes.
+/// Number of whole generations in the bytes of a journal.
 ///
 /// # Errors
 ///
@@ -296,7 +297,7 @@ pub fn whole_generations(bytes: &[u8]) -> Result<usize, JournalError> {
     parse(Path::new("any"), bytes).map(|found| found.generations.len())
 }
 
-/// The JSON of a whole line and its checksum; or what is wrong with the line.
+/// JSON of a whole line, and its checksum. The error says what is wrong with the line.
 fn unsealed(before: &str, line: &[u8]) -> Result<(Vec<u8>, String), String> {
     if !line.ends_with(b"\n") {
         return Err(format!("cut off after {} bytes", line.len()));
@@ -313,7 +314,7 @@ fn unsealed(before: &str, line: &[u8]) -> Result<(Vec<u8>, String), String> {
     Ok(([body, b"}"].concat(), computed))
 }
 
-/// Makes a file beside a path, `.ending`, or `.ending-2` and so on: never one that is there.
+/// Creates the first free file `PATH.ending`, `PATH.ending-2` and so on.
 fn free_file(path: &Path, ending: &str) -> io::Result<(PathBuf, File)> {
     let mut number = 1;
     loop {
@@ -334,26 +335,26 @@ fn copy_beside(bytes: &[u8], path: &Path, ending: &str) -> io::Result<PathBuf> {
     Ok(free)
 }
 
-/// Copies a damaged journal: a second repair keeps the copy of the first.
+/// Copies a damaged journal. A second repair keeps the copy of the first.
 fn keep_copy(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     copy_beside(bytes, path, ".damaged").map_err(file_error("copy", path))?;
     sync_folder_of(path)
 }
 
-/// What is in a journal.
+/// Content of a journal.
 #[derive(Default)]
 struct Found {
     header: Header,
     generations: Vec<Generation>,
-    /// Of the last whole line.
+    /// Checksum of the last whole line.
     check: String,
-    /// The whole lines.
+    /// Bytes of the whole lines.
     whole: Vec<u8>,
-    /// Of the first line that is not whole.
+    /// Error of the first line that is not whole.
     damage: Option<JournalError>,
 }
 
-/// A journal's bytes.
+/// Bytes of a journal.
 fn read(path: &Path) -> Result<Vec<u8>, FileError> {
     let mut bytes = Vec::new();
     let mut file = open_own(path, OpenOptions::new().read(true))?;
@@ -364,7 +365,7 @@ fn read(path: &Path) -> Result<Vec<u8>, FileError> {
 fn parse(path: &Path, bytes: &[u8]) -> Result<Found, JournalError> {
     let mut lines = bytes.split_inclusive(|&byte| byte == b'\n');
     let first = lines.next().ok_or_else(|| headless(path, "missing: the file is empty"))?;
-    let (header, check) = head(path, first)?;
+    let (header, check) = read_header(path, first)?;
     let mut found = Found { header, check, whole: first.to_vec(), ..Found::default() };
     found.damage = lines.find_map(|line| found.take(line).err()).map(|what| {
         let whole = found.generations.len();
@@ -373,9 +374,9 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<Found, JournalError> {
     Ok(found)
 }
 
-/// What is in a journal of which the first line is damaged, and a line further on follows the one
-/// expected: its checksum says so.
-fn beheaded(path: &Path, bytes: &[u8], expected: &Header) -> Option<Found> {
+/// Content of a journal whose first line is damaged. `None` unless a later line's checksum shows
+/// that it followed the expected first line.
+fn with_expected_header(path: &Path, bytes: &[u8], expected: &Header) -> Option<Found> {
     let (whole, check) = sealed("", expected).ok()?;
     let mut lines = bytes.split_inclusive(|&byte| byte == b'\n');
     let mut found = Found { header: expected.clone(), check, whole, ..Found::default() };
@@ -386,8 +387,8 @@ fn beheaded(path: &Path, bytes: &[u8], expected: &Header) -> Option<Found> {
     Some(found)
 }
 
-/// The header and its checksum.
-fn head(path: &Path, line: &[u8]) -> Result<(Header, String), JournalError> {
+/// Header and its checksum.
+fn read_header(path: &Path, line: &[u8]) -> Result<(Header, String), JournalError> {
     if line.len() > MOST_HEADER {
         return Err(headless(path, &format!("longer than {} MB", MOST_HEADER >> 20)));
     }
@@ -408,7 +409,7 @@ fn head(path: &Path, line: &[u8]) -> Result<(Header, String), JournalError> {
 }
 
 impl Found {
-    /// Takes the next line, or says what is wrong with it.
+    /// Takes the next line. The error says what is wrong with it.
     fn take(&mut self, line: &[u8]) -> Result<(), String> {
         let (json, check) = unsealed(&self.check, line)?;
         let generation: Generation = serde_json::from_slice(&json)
@@ -424,7 +425,7 @@ impl Found {
     }
 }
 
-/// Without its first line a journal tells nothing; only who knows what it was can repair it.
+/// Error of a damaged first line. Only a caller that knows the expected header can repair it.
 fn headless(path: &Path, what: &str) -> JournalError {
     let what = format!(
         "line 1 is {what}; if it was this search's, --repair writes it anew and goes on, else \
@@ -435,10 +436,10 @@ fn headless(path: &Path, what: &str) -> JournalError {
 
 const BEGIN_ANEW: &str = "begin anew with `echoloop tune --config` and the run's config.toml";
 
-/// A search may only go on as it began.
-fn agree(path: &Path, found: &Header, expected: &Header) -> Result<(), JournalError> {
+/// Refuses a journal whose header differs from the expected one.
+fn check_header(path: &Path, found: &Header, expected: &Header) -> Result<(), JournalError> {
     let json = |header: &Header| {
-        // How far a run was extended says where it ends, and nothing of what is in the journal.
+        // `extended_to` moves the end of a run and changes no generation before it.
         let mut header = header.clone();
         if let Some(tune) = header.config.get_mut("tune").and_then(Value::as_object_mut) {
             tune.remove("extended_to");
@@ -462,7 +463,7 @@ fn agree(path: &Path, found: &Header, expected: &Header) -> Result<(), JournalEr
     Err(JournalError::Other { path: path.to_owned(), what })
 }
 
-/// Where two documents first differ, and what stands there.
+/// First field that differs between two documents, and both values.
 fn difference(field: &str, a: &Value, b: &Value) -> Option<(String, String, String)> {
     let name = |key: &str| match field {
         "" => key.to_owned(),
@@ -525,7 +526,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_written_reads_back_bit_for_bit_and_goes_on() {
+    fn a_journal_reads_back_bit_for_bit_and_can_be_appended_to() {
         let folder = tempfile::tempdir().unwrap();
         let path = written(folder.path());
         let (mut journal, generations) = Journal::resume(&path, &header(), false).unwrap();
@@ -599,7 +600,7 @@ mod tests {
     }
 
     #[test]
-    fn whichever_bit_is_flipped_only_the_lines_before_it_are_believed() {
+    fn after_any_flipped_bit_only_the_lines_before_it_are_read() {
         let folder = tempfile::tempdir().unwrap();
         let path = written(folder.path());
         let whole = fs::read(&path).unwrap();
@@ -622,7 +623,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = written(folder.path());
         let [head, a, b, c] = <[String; 4]>::try_from(lines(&path)).unwrap();
-        // Another run of the same search, on a sensor whose noise is real.
+        // Another run of the same search, on a sensor with noise of its own.
         let other_path = folder.path().join("other.jsonl");
         let mut other = Journal::create(&other_path, &header()).unwrap();
         let mut noisy = generation(0);
@@ -645,7 +646,7 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_first_line_is_written_anew_where_the_next_line_says_what_it_was() {
+    fn a_damaged_first_line_is_rewritten_where_the_next_checksum_confirms_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = written(folder.path());
         let whole = fs::read(&path).unwrap();
@@ -674,7 +675,7 @@ mod tests {
     }
 
     #[test]
-    fn a_first_line_beyond_any_configuration_is_refused_unread() {
+    fn a_first_line_longer_than_any_configuration_is_refused_unparsed() {
         let long = [&b"{\"journal\":"[..], &b"[".repeat(MOST_HEADER)].concat();
         let error = whole_generations(&long).unwrap_err().to_string();
         assert!(error.contains("line 1 is longer than 2 MB"), "{error}");
@@ -682,7 +683,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_journal_that_is_a_link_is_not_gone_on_with() {
+    fn a_journal_that_is_a_link_is_not_resumed() {
         let folder = tempfile::tempdir().unwrap();
         let (path, link) = (written(folder.path()), folder.path().join("link"));
         std::os::unix::fs::symlink(path, &link).unwrap();

@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_works_on_a_run_is_added_and_what_cannot_be_read_is_kept() {
+    fn each_process_is_added_and_an_unreadable_file_is_kept() {
         let runs = tempfile::tempdir().unwrap();
         let folder = RunFolder::create(runs.path(), "a").unwrap();
         for sessions in 0..3 {

@@ -1,4 +1,4 @@
-//! A run's folder: everything to look at, to repeat it from, or to go on with.
+//! Folder of a run: files to look at, to repeat the run from, or to resume it.
 
 use std::fs;
 use std::io;
@@ -20,46 +20,46 @@ use crate::run_folder::files::{
 };
 use crate::search::{Check, Finalist, Stage};
 
-/// Configuration of the run, every value.
+/// Configuration of the run, with every value.
 pub const CONFIG: &str = "config.toml";
-/// The journal.
+/// Journal of the search.
 pub const HISTORY: &str = "history.jsonl";
-/// The journal of the search for a front.
+/// Journal of the search for a front.
 pub const FRONT: &str = "front.jsonl";
-/// The configuration, starting with the tuned parameters.
+/// Configuration that starts with the tuned parameters.
 pub const TUNED: &str = "tuned.toml";
-/// What came out.
+/// Result.
 pub const RESULT: &str = "result.json";
-/// Who made it, when and how.
+/// Provenance: commands, versions and times.
 pub const ABOUT: &str = "about.json";
-/// To look at.
+/// Report page.
 pub const REPORT: &str = "report.html";
-/// The shown pair with default parameters.
+/// Cloud of the shown pair with default parameters.
 pub const BEFORE: &str = "before.ply";
-/// The shown pair with tuned parameters.
+/// Cloud of the shown pair with tuned parameters.
 pub const AFTER: &str = "after.ply";
 
 const README: &str = "README.txt";
 
-/// The end of the name of a journal that was put aside when its run was extended.
+/// Suffix of a journal that was put aside when its run was extended.
 const BEFORE_EXTENDED: &str = ".before";
 
-/// Held by the process that writes the run, and gone with it.
+/// Lock of the process that writes the run; removed when it ends.
 const LOCK: &str = "run.lock";
 
-/// All that is written in a run's folder.
+/// Files of a run's folder.
 const WRITTEN: [&str; 10] =
     [CONFIG, HISTORY, FRONT, TUNED, RESULT, ABOUT, REPORT, BEFORE, AFTER, README];
 
 /// Version of [`RESULT`]'s format.
 pub const RESULT_FORMAT: u64 = 1;
 
-/// What came out of a run. No times, no paths: the same configuration gives the same bytes.
+/// Result of a run. It has no times and no paths: the same configuration gives the same bytes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunResult {
     /// Version of this format.
     pub format: u32,
-    /// What was tuned.
+    /// Protocol: the parameters that were tuned.
     pub protocol: String,
     /// The registration method.
     pub method: String,
@@ -69,9 +69,9 @@ pub struct RunResult {
     pub seed: u64,
     /// Generations searched.
     pub generations: usize,
-    /// Registrations the search made.
+    /// Registrations of the search.
     pub registrations: usize,
-    /// Where the tuned parameters come from.
+    /// [`Origin`](crate::search::Origin) of the tuned parameters, as text.
     pub origin: String,
     /// All parameters at the start.
     #[serde(serialize_with = "written_values")]
@@ -79,30 +79,31 @@ pub struct RunResult {
     /// All parameters after tuning.
     #[serde(serialize_with = "written_values")]
     pub tuned: Values,
-    /// The last choice, best first.
+    /// Finalists of the final selection, best first.
     pub finalists: Vec<Finalist>,
-    /// How the choice did on pairs that no search has seen, where that was asked.
+    /// Check of the selected parameters on pairs that no search has seen, if configured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub check: Option<Check>,
-    /// The start's sensor with the plain method, where ours is not: [`ThetaReg::plain`].
+    /// Sensor settings of the start with the plain method ([`ThetaReg::plain`]); absent when the
+    /// start's method is plain.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plain_summary: Option<Summary>,
-    /// The start on held-out pairs.
+    /// Summary of the start on held-out pairs.
     pub default_summary: Summary,
-    /// The tuned parameters on held-out pairs.
+    /// Summary of the tuned parameters on held-out pairs.
     pub tuned_summary: Summary,
-    /// Their error less that of the start, on the same pairs.
+    /// Error of the tuned parameters minus that of the start, pair by pair.
     pub comparison: Comparison,
-    /// The front of error against a cost, where one was asked for.
+    /// Front of error against a cost, if one was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub front: Option<Front>,
-    /// What a page tells besides; results of earlier versions have none.
+    /// Further data of the report page; absent in results of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background: Option<Background>,
 }
 
 impl RunResult {
-    /// The held-out pair to show: the one the default parameters did worst on.
+    /// Held-out pair to show: the one with the largest error by the default parameters.
     pub fn shown_pair(&self) -> usize {
         let errors = &self.default_summary.errors;
         let worst = errors.iter().max_by(|a, b| a.frobenius.total_cmp(&b.frobenius));
@@ -110,37 +111,37 @@ impl RunResult {
     }
 }
 
-/// What only a search that runs knows, kept so that its page can be written again without it.
+/// Data that only a running search has, kept so that its page can be written again.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Background {
     /// The scene's triangles.
     pub triangles: usize,
     /// The scan pattern in a few words.
     pub beams: String,
-    /// Where each held-out pair stands.
+    /// Place of each held-out pair.
     pub places: Vec<String>,
-    /// The searches, in their order.
+    /// Stages in their order.
     pub stages: Vec<StageRecord>,
     /// The axes of the cube, in the order of its coordinates.
     pub axes: Vec<AxisRecord>,
     /// Names of the axes of the last stage.
     pub correlated: Vec<String>,
-    /// Their correlations at its end.
+    /// Correlations of these axes at the end of that stage.
     pub correlations: Vec<Vec<f64>>,
-    /// How much of them can have been learned, 0 to 1.
+    /// Share of the covariance that the optimiser can have learned, 0 to 1.
     pub covariance_learned: f64,
 }
 
-/// One search of a run.
+/// Stage of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StageRecord {
-    /// Its name in the journal.
+    /// Name in the journal.
     pub name: String,
     /// Generations.
     pub generations: u32,
     /// Candidates a generation.
     pub population: usize,
-    /// Training pairs a generation sees.
+    /// Training pairs a generation.
     pub pairs: usize,
 }
 
@@ -151,14 +152,14 @@ impl From<&Stage> for StageRecord {
     }
 }
 
-/// An axis of the cube.
+/// Axis of the cube.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AxisRecord {
     /// Section and key of the configuration.
     pub name: String,
     /// Unit; empty for plain numbers.
     pub unit: String,
-    /// How values lie along it.
+    /// Scale from coordinate to value.
     pub scale: Scale,
     /// Least value.
     pub min: f64,
@@ -167,7 +168,7 @@ pub struct AxisRecord {
 }
 
 impl AxisRecord {
-    /// The axis again.
+    /// [`Axis`] with these bounds, without name and unit.
     pub fn axis(&self) -> Axis {
         let Self { scale, min, max, .. } = *self;
         Axis { name: "", unit: "", scale, min, max, default: min }
@@ -186,7 +187,7 @@ impl From<&Axis> for AxisRecord {
     }
 }
 
-/// A run's folder, which no other process writes as long as this lives.
+/// Folder of a run, locked against other processes while this lives.
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
@@ -194,8 +195,8 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Whether run folders can be made there, as far as can be seen without making one: tracing
-    /// comes first and takes long.
+    /// Checks, without making one, that run folders can be made below `runs`: tracing comes first
+    /// and takes long.
     ///
     /// # Errors
     ///
@@ -225,7 +226,7 @@ impl RunFolder {
             let path = runs.join(format!("{number:04}-{name}"));
             match fs::create_dir(&path) {
                 Ok(()) => break path,
-                // Another run has just taken it.
+                // Another run has just taken this number.
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists && number < u32::MAX => {
                     number += 1
                 }
@@ -238,7 +239,7 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// Opens the folder of a run of this configuration, or makes it: under this very name.
+    /// Opens the run folder at this path, or makes it with this configuration.
     ///
     /// # Errors
     ///
@@ -254,12 +255,12 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// Opens a folder that a run has made, to go on with it.
+    /// Opens the folder of a run to resume it.
     ///
     /// # Errors
     ///
-    /// [`FileError`] when it holds no configuration, when another process writes it, or when
-    /// something that is no file is where a file will be written.
+    /// [`FileError`] when it holds no configuration, when another process has locked it, or when
+    /// something other than a regular file is where a file will be written.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let config = path.join(CONFIG);
         fs::metadata(&config).map_err(file_error("resume without", &config))?;
@@ -271,17 +272,17 @@ impl RunFolder {
         Ok(Self { path: path.to_owned(), _lock: Lock::take(&path.join(LOCK))? })
     }
 
-    /// The folder.
+    /// Path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// A file in it.
+    /// Path of a file in the folder.
     pub fn file(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }
 
-    /// Writes a whole file: beside its place, to the disk, then in its place.
+    /// Writes a file as a whole, durably.
     ///
     /// # Errors
     ///
@@ -290,7 +291,7 @@ impl RunFolder {
         replace(&self.file(name), content.as_ref())
     }
 
-    /// Writes the configuration, every value.
+    /// Writes the configuration with every value.
     ///
     /// # Errors
     ///
@@ -299,7 +300,7 @@ impl RunFolder {
         self.write_as(CONFIG, config)
     }
 
-    /// Writes the configuration that starts with what was tuned.
+    /// Writes the configuration that starts with the tuned parameters.
     ///
     /// # Errors
     ///
@@ -329,8 +330,8 @@ impl RunFolder {
         self.write(RESULT, text + "\n")
     }
 
-    /// Puts a journal aside that the run will not go on with; one that is not there, or that was
-    /// put aside before, is no matter.
+    /// Renames a journal that the run will not resume. Does nothing when there is none; replaces
+    /// one that was put aside before.
     ///
     /// # Errors
     ///
@@ -345,7 +346,7 @@ impl RunFolder {
         sync_folder_of(&path)
     }
 
-    /// Points `latest` of the folder above here. Where there are no links, a file holds the name.
+    /// Points the link `latest` in the parent folder here. Without links, a file holds the name.
     ///
     /// # Errors
     ///
@@ -360,10 +361,10 @@ impl RunFolder {
     }
 }
 
-/// The last run made.
+/// Link to the newest run.
 const LATEST: &str = "latest";
 
-/// A link is ours to replace; whatever else lies there is not.
+/// Refuses anything at `latest` but a link, which may be replaced.
 #[cfg(unix)]
 fn check_latest(latest: &Path) -> Result<(), FileError> {
     match fs::symlink_metadata(latest) {
@@ -380,7 +381,7 @@ fn check_latest(latest: &Path) -> Result<(), FileError> {
     is_free_for_a_file(latest)
 }
 
-/// Made beside its place and renamed: there is a `latest` at any time.
+/// Links beside the place and renames, so that there is a `latest` at any time.
 #[cfg(unix)]
 fn point_at(latest: &Path, name: &Path) -> Result<(), FileError> {
     let part = beside(latest, &format!("{PART}{}", std::process::id()));
@@ -393,7 +394,7 @@ fn point_at(latest: &Path, name: &Path) -> Result<(), FileError> {
     replace(latest, name.to_string_lossy().as_bytes())
 }
 
-/// One more than the highest number of a run there.
+/// Highest number of a run in the folder, plus one.
 fn next_number(runs: &Path) -> Result<u32, FileError> {
     let entries = fs::read_dir(runs).map_err(file_error("read the folder", runs))?;
     let numbers = entries.filter_map(|entry| {
@@ -431,7 +432,7 @@ result.json and history.jsonl:
 
 ";
 
-/// What the files are, and the unit of every parameter of the sensor.
+/// Text of README.txt: the files, and the unit of every parameter of the sensor.
 fn readme() -> String {
     let line = |p: &Parameter| {
         let unit = match p.kind {
@@ -465,7 +466,7 @@ mod tests {
     }
 
     #[test]
-    fn the_readme_says_the_unit_of_every_parameter_and_the_numbers_of_choices() {
+    fn the_readme_has_the_unit_of_every_parameter_and_the_numbers_of_choices() {
         let text = readme();
         for p in &PARAMETERS {
             let line = text
@@ -516,7 +517,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_is_one_process_s_until_it_lets_go_and_whatever_is_in_the_way_is_named() {
+    fn a_folder_is_locked_by_one_process_and_an_obstacle_is_named() {
         let runs = tempfile::tempdir().unwrap();
         let folder = RunFolder::create(runs.path(), "a").unwrap();
         folder.write(CONFIG, "").unwrap();

@@ -1,8 +1,8 @@
-//! Boards that the sensor's program runs on without hardware: this PC and emulated processors.
+//! Boards without hardware that run the sensor's program: this PC and emulated processors.
 //!
-//! [`pc::PcSensor`] runs the program in this process behind a front end that renders a scene.
-//! `qemu::Qemu` does the same with the image of a microcontroller. [`shots::Shots`] drives such a
-//! front end alone, for a board that has none.
+//! [`pc::PcSensor`] runs the program in this process with a front end that renders a scene.
+//! `qemu::Qemu` runs the image of a microcontroller with the same front end. [`shots::Shots`]
+//! drives a front end alone, for a board that has none.
 
 pub mod nor_flash;
 pub mod pc;

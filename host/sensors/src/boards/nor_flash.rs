@@ -1,4 +1,4 @@
-//! A NOR flash in memory: bits go from one to zero until they are erased, and the power may go at
+//! NOR flash in memory: bits go from one to zero until they are erased, and the power may be cut at
 //! any moment.
 
 use embedded_storage::nor_flash::{
@@ -7,20 +7,19 @@ use embedded_storage::nor_flash::{
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// A flash of two erase blocks of `ERASE` bytes, written in words of `WRITE`.
+/// Flash of two erase blocks of `ERASE` bytes, written in words of `WRITE` bytes.
 ///
-/// A word is written once between erasures; writing it again is refused, as flash with error
-/// correction does. When the power goes, the word under way holds anything between what it held and
-/// what it was to hold, the block being erased likewise, bit by bit; what was done before stays,
-/// and nothing works until [`RamNorFlash::switch_on`].
+/// A word is written once between erasures; writing it again is refused, as by flash with error
+/// correction. When the power is cut, each bit of the word or block under way has its old or its
+/// new value; what was done before stays, and nothing works until [`RamNorFlash::switch_on`].
 #[derive(Clone, Debug)]
 pub struct RamNorFlash<const WRITE: usize = 4, const ERASE: usize = 256> {
     bytes: Vec<u8>,
     written: Vec<bool>,
-    /// Words and blocks until the power goes.
+    /// Words and blocks until the power is cut.
     left: Option<usize>,
     tear: ChaCha8Rng,
-    /// Blocks erased and words written.
+    /// Number of blocks erased, and below of words written.
     erased: usize,
     programmed: usize,
 }
@@ -32,7 +31,7 @@ impl<const WRITE: usize, const ERASE: usize> Default for RamNorFlash<WRITE, ERAS
 }
 
 impl<const WRITE: usize, const ERASE: usize> RamNorFlash<WRITE, ERASE> {
-    /// A flash that holds these bytes, whole blocks.
+    /// Flash with these bytes, whole blocks.
     pub fn from_bytes(bytes: Vec<u8>) -> Self {
         let written =
             bytes.chunks(WRITE).map(|word| word.iter().any(|&byte| byte != 0xFF)).collect();
@@ -46,44 +45,44 @@ impl<const WRITE: usize, const ERASE: usize> RamNorFlash<WRITE, ERASE> {
         }
     }
 
-    /// What it holds.
+    /// Content.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// What it holds, for those who flip bits.
+    /// Content, to flip bits of.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         &mut self.bytes
     }
 
-    /// Blocks erased since it was new.
+    /// Number of blocks erased since it was new.
     pub fn blocks_erased(&self) -> usize {
         self.erased
     }
 
-    /// Words written since it was new.
+    /// Number of words written since it was new.
     pub fn words_written(&self) -> usize {
         self.programmed
     }
 
-    /// The power goes after that many more words and blocks, in the middle of the next; `seed`
-    /// draws what that one then holds.
+    /// Cuts the power after `steps` more words and blocks, in the middle of the next; `seed` draws
+    /// that one's bits.
     pub fn cut_after(&mut self, steps: usize, seed: u64) {
         self.left = Some(steps);
         self.tear = ChaCha8Rng::seed_from_u64(seed);
     }
 
-    /// The power is back, for good.
+    /// Restores the power, without a further cut.
     pub fn switch_on(&mut self) {
         self.left = None;
     }
 
-    /// Whether the power is gone.
+    /// True after the power was cut.
     pub fn is_off(&self) -> bool {
         self.left == Some(usize::MAX)
     }
 
-    /// One word or block: whether it is done whole, or torn.
+    /// Counts a word or block. True when it is done whole, false when torn.
     fn step(&mut self) -> bool {
         match &mut self.left {
             None => true,
@@ -98,12 +97,12 @@ impl<const WRITE: usize, const ERASE: usize> RamNorFlash<WRITE, ERASE> {
         }
     }
 
-    fn powered(&self) -> Result<(), NorFlashErrorKind> {
+    fn check_power(&self) -> Result<(), NorFlashErrorKind> {
         if self.is_off() { Err(NorFlashErrorKind::Other) } else { Ok(()) }
     }
 
     fn erase_block(&mut self, from: usize) -> Result<(), NorFlashErrorKind> {
-        self.powered()?;
+        self.check_power()?;
         let whole = self.step();
         for byte in &mut self.bytes[from..from + ERASE] {
             *byte |= if whole { 0xFF } else { self.tear.random::<u8>() };
@@ -115,7 +114,7 @@ impl<const WRITE: usize, const ERASE: usize> RamNorFlash<WRITE, ERASE> {
     }
 
     fn write_word(&mut self, at: usize, word: &[u8]) -> Result<(), NorFlashErrorKind> {
-        self.powered()?;
+        self.check_power()?;
         if std::mem::replace(&mut self.written[at / WRITE], true) {
             return Err(NorFlashErrorKind::Other);
         }
@@ -137,7 +136,7 @@ impl<const WRITE: usize, const ERASE: usize> ReadNorFlash for RamNorFlash<WRITE,
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
         check_read(self, offset, bytes.len())?;
-        self.powered()?;
+        self.check_power()?;
         bytes.copy_from_slice(&self.bytes[offset as usize..][..bytes.len()]);
         Ok(())
     }

@@ -1,9 +1,8 @@
-//! The sensor's application in process: virtual SPI devices, a virtual sample buffer, a flash in
+//! Sensor's application in process: virtual SPI devices, a virtual sample buffer, a flash in
 //! memory, a link of bytes.
 //!
-//! The application is the very one that runs on a microcontroller. It writes the emitter's and the
-//! converter's registers through `embedded-hal`; what they hold, and nothing else, is what the
-//! front end sees.
+//! The application is the one that runs on a microcontroller. It writes the registers of emitter
+//! and converter through `embedded-hal`, and the front end sees these registers alone.
 
 use std::collections::VecDeque;
 
@@ -19,7 +18,7 @@ use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use crate::boards::nor_flash::RamNorFlash;
 use echoloop_sim::ideal::{IdealDetector, Shots};
 
-/// Which shot the laser driver's registers say.
+/// Scan, beam and shot in the registers of the laser driver.
 pub fn read_trigger(emitter: &impl Fn(u8) -> u32) -> Trigger {
     Trigger {
         frame: emitter(emitter::FRAME),
@@ -28,14 +27,14 @@ pub fn read_trigger(emitter: &impl Fn(u8) -> u32) -> Trigger {
     }
 }
 
-/// What decides the noise, if the laser driver's registers say so.
+/// Scan and seed of the noise in the registers of the laser driver, if set.
 pub fn read_noise(emitter: &impl Fn(u8) -> u32) -> Option<ScanNoise> {
     let scan = emitter(emitter::NOISE_SCAN);
     let [low, high] = [emitter::NOISE_SEED_LOW, emitter::NOISE_SEED_HIGH].map(emitter);
     (scan > 0).then_some(ScanNoise { scan, seed: u64::from(high) << 32 | u64::from(low) })
 }
 
-/// What the laser driver's and the converter's registers say.
+/// Analog settings in the registers of laser driver and converter.
 pub fn read_analog(emitter: &impl Fn(u8) -> u32, adc: &impl Fn(u8) -> u32) -> Analog {
     Analog {
         power_w: f64::from(emitter(emitter::POWER)) / 1e6,
@@ -51,7 +50,7 @@ pub fn read_analog(emitter: &impl Fn(u8) -> u32, adc: &impl Fn(u8) -> u32) -> An
     }
 }
 
-/// What the registers hold of a sensor that has taken these settings.
+/// Analog settings in the registers of a sensor with these settings.
 pub fn analog_for(settings: &Settings, hardware: &Hardware) -> Analog {
     let period_fs = sample_period_fs(settings.bins as u32, hardware);
     Analog {
@@ -68,8 +67,7 @@ pub fn analog_for(settings: &Settings, hardware: &Hardware) -> Analog {
     }
 }
 
-/// What a sensor with this receiver has to know of it; what the receiver does not decide is as in
-/// the reference sensor.
+/// Hardware of a sensor with this receiver; the rest is that of the reference sensor.
 pub fn hardware_for(receiver: &Receiver) -> Hardware {
     Hardware {
         adc_bits: receiver.adc_bits,
@@ -79,11 +77,11 @@ pub fn hardware_for(receiver: &Receiver) -> Hardware {
     }
 }
 
-/// An SPI device of 32-bit registers.
+/// SPI device of 32-bit registers.
 #[derive(Clone, Debug)]
 pub struct VirtualSpi {
     registers: [u32; mailbox::REGISTERS],
-    /// A write to this register counts as a shot.
+    /// Register that fires a shot when written.
     fire: Option<u8>,
     fired: bool,
 }
@@ -119,7 +117,7 @@ impl SpiDevice for VirtualSpi {
     }
 }
 
-/// Bytes under way in both directions.
+/// Bytes in flight in both directions.
 #[derive(Clone, Debug, Default)]
 pub struct Pipe {
     to_sensor: VecDeque<u8>,
@@ -164,10 +162,10 @@ fn take(queue: &mut VecDeque<u8>, buffer: &mut [u8]) -> usize {
     length
 }
 
-/// Frames that the board in process says its link holds while it works.
+/// Frames that the link of the board in process holds while it works.
 const LINK_FRAMES: usize = 3;
 
-/// The board in process.
+/// Board in process.
 pub struct PcBoard<F> {
     hardware: Hardware,
     pattern: ScanPattern,
@@ -180,19 +178,19 @@ pub struct PcBoard<F> {
     ideal: Option<Ideal>,
 }
 
-/// Has the ideal detector in the place of the program's.
+/// Ideal detector in place of the program's; `None` inside before the first settings.
 #[derive(Default)]
 struct Ideal(Option<IdealDetector>);
 
 impl Ideal {
-    /// Follows the sensor's settings.
+    /// Makes the detector anew when the settings have changed.
     fn follow(&mut self, settings: &Settings, hardware: &Hardware) {
         if self.0.as_ref().is_none_or(|detector| detector.settings() != settings) {
             self.0 = IdealDetector::new(settings, hardware);
         }
     }
 
-    /// The echoes of the shots at hand: those that were summed, or the one in `codes`.
+    /// Echoes of the shots summed in `scratch`, or of the one shot in `codes`.
     fn detect(&self, codes: &[u16], scratch: &mut Scratch) -> Echoes {
         let Some(detector) = &self.0 else { return Echoes::new() };
         let settings = detector.settings();
@@ -210,11 +208,11 @@ impl Ideal {
     }
 }
 
-/// Microseconds since any moment.
+/// Microseconds since some moment.
 type Clock = Box<dyn FnMut() -> u32 + Send>;
 
 impl<F: FrontEnd> PcBoard<F> {
-    /// A board that never was on. `hardware.adc_bits` is taken from the front end.
+    /// Board before its first start. `hardware.adc_bits` is taken from the front end.
     pub(crate) fn new(
         front_end: F,
         pattern: ScanPattern,
@@ -272,7 +270,7 @@ impl<F: FrontEnd> Board for PcBoard<F> {
         &mut self.store
     }
 
-    /// The pipe holds all that comes.
+    /// The pipe has no limit; this is the size that the board states.
     fn link_buffer(&self) -> usize {
         LINK_FRAMES * MAX_FRAME
     }
@@ -305,18 +303,18 @@ impl<F: FrontEnd> Board for PcBoard<F> {
     }
 }
 
-/// A sensor in process: bytes in, bytes out.
+/// Sensor in process: bytes in, bytes out.
 pub struct PcSensor<F> {
     app: Box<App<PcBoard<F>>>,
 }
 
 impl<F: FrontEnd> PcSensor<F> {
-    /// Switches a sensor on that never was. `hardware.adc_bits` is taken from the front end.
+    /// Starts a sensor with an erased flash. `hardware.adc_bits` is taken from the front end.
     pub fn new(front_end: F, pattern: ScanPattern, hardware: Hardware) -> Self {
         Self::with_store(front_end, pattern, hardware, RamNorFlash::default())
     }
 
-    /// Switches a sensor on whose flash holds what an earlier life left there.
+    /// Starts a sensor with the flash of an earlier run.
     pub fn with_store(
         front_end: F,
         pattern: ScanPattern,
@@ -327,28 +325,28 @@ impl<F: FrontEnd> PcSensor<F> {
         Self { app: Box::new(App::new(board)) }
     }
 
-    /// Has the [`IdealDetector`] find the echoes in the place of the program's: no sensor could.
+    /// Replaces the program's detector by the [`IdealDetector`], which no sensor could run.
     pub fn with_ideal_detector(mut self) -> Self {
         self.app.board_mut().ideal = Some(Ideal::default());
         self
     }
 
-    /// The front end, to look at another scene with.
+    /// Front end, to give it another scene.
     pub fn front_end_mut(&mut self) -> &mut F {
         self.app.board_mut().front_end_mut()
     }
 
-    /// Gives it a clock of microseconds, by which it times its scans; else it has none.
+    /// Sets a clock of microseconds, by which the sensor times its scans. Without it there is none.
     pub fn set_clock(&mut self, clock: impl FnMut() -> u32 + Send + 'static) {
         self.app.board_mut().clock = Some(Box::new(clock));
     }
 
-    /// Its flash, to take along into the next life or to cut its power.
+    /// Flash, to keep for the next start or to cut its power.
     pub fn store_mut(&mut self) -> &mut RamNorFlash {
         &mut self.app.board_mut().store
     }
 
-    /// The state of its conversation, as nobody on the line can see it.
+    /// State of the session, which the line does not show.
     pub fn session(&self) -> &Session {
         self.app.session()
     }
@@ -358,7 +356,7 @@ impl<F: FrontEnd> PcSensor<F> {
         if self.app.board_mut().ideal.is_none() {
             return self.take(bytes);
         }
-        // Settings come with one frame, the scan that they are for with another.
+        // Settings come in one frame, the scan they are for in a later one.
         for frame in bytes.split_inclusive(|&byte| byte == 0) {
             let settings = *self.app.session().settings();
             let board = self.app.board_mut();

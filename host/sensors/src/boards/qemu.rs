@@ -1,10 +1,10 @@
-//! The sensor's image in QEMU: the program of a microcontroller, its serial link, and the analog
-//! world in shared memory.
+//! Image of a sensor in QEMU: the program of a microcontroller, its serial link, and a front end in
+//! shared memory.
 //!
-//! The emulator maps a file as the board's PSRAM; [`mailbox`] says what lies there. This side plays
-//! the world: when the sensor rings for a shot, the front end's samples go into the converter's
-//! buffer. It does so while it waits for the sensor's answer, in the caller's thread, so that
-//! nothing runs behind its back.
+//! The emulator maps a file as the board's PSRAM; [`mailbox`] is its layout. When the sensor rings
+//! the doorbell for a shot, this side writes the front end's samples into the converter's buffer.
+//! It does so in the caller's thread, while that waits for the sensor's answer: there is no second
+//! thread.
 
 mod guard;
 
@@ -31,7 +31,7 @@ use crate::boards::pc::{read_analog, read_noise, read_trigger};
 use echoloop_frontend::FrontEnd;
 use guard::Guard;
 
-/// Boards that QEMU emulates and there is an image for.
+/// Board that QEMU emulates, with an image for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Machine {
     /// Arm MPS2 AN385, Cortex-M3: runs the image for the Cortex-M0.
@@ -51,7 +51,7 @@ pub enum Machine {
 }
 
 impl Machine {
-    /// All of them, the reference board first.
+    /// All boards, the reference board first.
     pub const ALL: [Self; 7] = [
         Self::An386,
         Self::An500,
@@ -62,12 +62,12 @@ impl Machine {
         Self::NetduinoPlus2,
     ];
 
-    /// Whether it has a front end, in memory. One that has none takes waveforms over its link.
+    /// True for a front end in shared memory. A board without one is fed waveforms over its link.
     pub const fn has_front_end(self) -> bool {
         self.memory().is_some()
     }
 
-    /// QEMU's name for it.
+    /// QEMU's name.
     pub const fn name(self) -> &'static str {
         match self {
             Self::An385 => "mps2-an385",
@@ -80,12 +80,12 @@ impl Machine {
         }
     }
 
-    /// The machine of a name.
+    /// Machine by its name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|machine| machine.name() == name)
     }
 
-    /// What its image is built for: `cargo xtask firmware --target` has it.
+    /// Target of its image, as in `cargo xtask firmware --target`.
     pub const fn target(self) -> &'static str {
         match self {
             Self::An385 => "thumbv6m-none-eabi",
@@ -96,7 +96,7 @@ impl Machine {
         }
     }
 
-    /// The emulator's program.
+    /// Program of the emulator.
     pub const fn emulator(self) -> &'static str {
         match self {
             Self::Virt => "qemu-system-riscv32",
@@ -104,21 +104,21 @@ impl Machine {
         }
     }
 
-    /// Where `cargo xtask firmware` puts its image, below the workspace's root.
+    /// Path of the image of `cargo xtask firmware`, below the root of the workspace.
     pub fn image(self) -> PathBuf {
         let program = match self {
             Self::NetduinoPlus2 => "firmware/echoloop-stm32f405",
             _ => "firmware/echoloop-sensor",
         };
         let folder = match self {
-            // No target of the compiler.
+            // The compiler has no target of this name: its folder holds that of the M33.
             Self::An547 => "cortex-m55/thumbv8m.main-none-eabihf",
             _ => self.target(),
         };
         Path::new("target/firmware").join(folder).join(program)
     }
 
-    /// What its processor's ELF files say, and where its flash begins.
+    /// Architecture in its ELF files, and address of its flash.
     const fn code(self) -> (Architecture, u64) {
         match self {
             Self::An385 | Self::An386 | Self::An500 => (Architecture::Arm, 0),
@@ -128,8 +128,8 @@ impl Machine {
         }
     }
 
-    /// Where the stack of its images begins, the first word of an Arm's flash: somewhere in these
-    /// 16 MB. It tells boards apart whose flash begins at the same place.
+    /// RAM whose first 16 MB hold the initial stack of its images, the first word of an Arm's
+    /// flash. It tells boards apart whose flash has the same address.
     const fn stack(self) -> Option<u32> {
         match self {
             Self::An505 => Some(0x3800_0000),
@@ -138,8 +138,8 @@ impl Machine {
         }
     }
 
-    /// Bytes of the shared memory, and where in it the mailbox begins; `None` where there is no
-    /// such memory, and so no front end.
+    /// Size of the shared memory and offset of the mailbox in it, bytes; `None` without shared
+    /// memory, and so without a front end.
     const fn memory(self) -> Option<(u64, u64)> {
         match self {
             Self::Virt => Some((32 << 20, 16 << 20)), // all of its RAM
@@ -150,67 +150,67 @@ impl Machine {
     }
 }
 
-/// Why there is no emulated sensor.
+/// Reason that there is no emulated sensor.
 #[derive(Debug, Error)]
 pub enum QemuError {
     /// The emulator is not installed.
     #[error("{program} is not on the PATH (Debian: apt-get install {package})")]
     NotInstalled {
-        /// Its program.
+        /// Program.
         program: &'static str,
-        /// Debian's package.
+        /// Package of Debian.
         package: &'static str,
     },
-    /// There is no image.
+    /// The image does not exist.
     #[error("no image {}: build it with `cargo xtask firmware --target {target}`", path.display())]
     NoImage {
-        /// Where it was looked for.
+        /// Path.
         path: PathBuf,
-        /// The target it is built for.
+        /// Target that it is built for.
         target: &'static str,
     },
-    /// The image is not one for the machine.
+    /// The image is for another machine.
     #[error("{}: {what}", path.display())]
     BadImage {
-        /// The file.
+        /// Path.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault.
         what: String,
     },
     /// The emulator ended or did not start in time.
     #[error("{machine} in QEMU: {what}")]
     Failed {
-        /// The machine.
+        /// Name of the machine.
         machine: &'static str,
-        /// What happened, with what it said.
+        /// Event, and the error output.
         what: String,
     },
-    /// Memory or folder could not be had.
+    /// Failed operation on memory, folder or program.
     #[error("cannot {what}: {source}")]
     Io {
-        /// What was tried.
+        /// Operation and path.
         what: String,
-        /// Why not.
+        /// Reason.
         source: io::Error,
     },
 }
 
-/// What to emulate.
+/// Options of an emulated sensor.
 #[derive(Clone, Debug)]
 pub struct QemuOptions {
-    /// The machine.
+    /// Machine.
     pub machine: Machine,
-    /// The image, an ELF file.
+    /// Image, an ELF file.
     pub image: PathBuf,
-    /// Where memory, log and socket lie: kept, so that the sensor finds its flash again. `None`: a
-    /// new folder that goes away.
+    /// Folder of memory, log and socket, kept so that the sensor finds its flash again. `None` for
+    /// a new folder that is removed.
     pub folder: Option<PathBuf>,
-    /// More arguments for the emulator.
+    /// Further arguments for the emulator.
     pub arguments: Vec<String>,
 }
 
 impl QemuOptions {
-    /// A machine with the image that `cargo xtask firmware` has built below `workspace`.
+    /// Machine with the image of `cargo xtask firmware` below `workspace`.
     pub fn new(machine: Machine, workspace: &Path) -> Self {
         Self {
             machine,
@@ -221,7 +221,7 @@ impl QemuOptions {
     }
 }
 
-/// A sensor in QEMU: bytes in, bytes out.
+/// Sensor in QEMU: bytes in, bytes out.
 pub struct Qemu<F> {
     emulator: Arc<Mutex<Emulator>>,
     link: UnixStream,
@@ -233,14 +233,14 @@ pub struct Qemu<F> {
     folder: PathBuf,
 }
 
-/// The process, and who ends it and removes its folder should this process be killed.
+/// Process of the emulator, and the guard that cleans up if this process is killed.
 struct Emulator {
     child: Child,
     guard: Option<Guard>,
 }
 
 impl Emulator {
-    /// Locked until it is listed, so that [`stop_all`] finds every one that was started.
+    /// Starts and lists an emulator under one lock, so that [`stop_all`] finds every one.
     fn start(
         options: &QemuOptions,
         folder: &Path,
@@ -264,11 +264,11 @@ impl Emulator {
     }
 }
 
-/// Emulators of this process, for [`stop_all`]; `None` once they were stopped for good.
+/// Emulators of this process, for [`stop_all`]; `None` after it.
 static RUNNING: Mutex<Option<Vec<Weak<Mutex<Emulator>>>>> = Mutex::new(Some(Vec::new()));
 
-/// Ends every emulator of this process, removes their folders, and lets no other start: for those
-/// who are about to exit without dropping anything. Whoever calls second waits for the first.
+/// Ends every emulator of this process, removes their folders, and lets no other start: before an
+/// exit that drops nothing. A second caller waits for the first.
 pub fn stop_all() {
     let mut running = lock(&RUNNING);
     let emulators = running.take().into_iter().flatten();
@@ -280,8 +280,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl<F: FrontEnd> Qemu<F> {
-    /// Switches a sensor on. `hardware.adc_bits` is taken from the front end. A machine without a
-    /// front end in memory has hardware and pattern of its own, and takes none of the three.
+    /// Starts a sensor. `hardware.adc_bits` is taken from the front end. A machine without a front
+    /// end in memory has its own hardware and pattern, and ignores the arguments.
     ///
     /// # Errors
     ///
@@ -311,17 +311,17 @@ impl<F: FrontEnd> Qemu<F> {
         Ok(Self { emulator, link, page, front_end, shots: 0, codes, machine: *machine, folder })
     }
 
-    /// The front end, to look at another scene with.
+    /// Front end, to give it another scene.
     pub fn front_end_mut(&mut self) -> &mut F {
         &mut self.front_end
     }
 
-    /// The machine.
+    /// Emulated machine.
     pub fn machine(&self) -> Machine {
         self.machine
     }
 
-    /// The log's bytes so far: defmt's frames.
+    /// Path of the log, defmt's frames.
     pub fn log_file(&self) -> PathBuf {
         self.folder.join(LOG)
     }
@@ -348,7 +348,7 @@ impl<F: FrontEnd> Qemu<F> {
         Ok(())
     }
 
-    /// Receives some bytes, serving shots meanwhile; none when the time is up.
+    /// Receives some bytes and serves shots meanwhile; 0 at the timeout.
     ///
     /// # Errors
     ///
@@ -374,7 +374,7 @@ impl<F: FrontEnd> Qemu<F> {
         }
     }
 
-    /// Answers the doorbell. False: nobody rang.
+    /// Answers the doorbell. False when it has not rung.
     fn serve(&mut self) -> bool {
         let Some(page) = &self.page else { return false };
         let shots = page.read(mailbox::DOORBELL);
@@ -395,9 +395,9 @@ impl<F: FrontEnd> Qemu<F> {
         true
     }
 
-    /// Why the line broke, if the emulator knows.
+    /// Error of a broken line, with the emulator's own if it has ended.
     fn ended(&mut self, error: io::Error) -> io::Error {
-        // Its socket closes before it has ended.
+        // The socket closes a moment before the process ends.
         let deadline = Instant::now() + Duration::from_secs(1);
         loop {
             if let Some(what) = failure(&self.emulator, self.machine, &self.folder) {
@@ -412,7 +412,7 @@ impl<F: FrontEnd> Qemu<F> {
 }
 
 impl<F> Qemu<F> {
-    /// The folder with memory, log and sockets.
+    /// Folder with memory, log and socket.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
@@ -429,21 +429,22 @@ impl<F> Drop for Qemu<F> {
 }
 
 const MEMORY: &str = "memory.bin";
-/// The settings' sectors of a machine without shared memory: `firmware/stm32f4/src/file.rs`.
+/// Flash sectors of the settings, for a machine without shared memory
+/// (`firmware/stm32f4/src/file.rs`).
 const FLASH: &str = "flash.bin";
 const FLASH_BYTES: usize = 32 << 10;
 const LOG: &str = "log.bin";
 const LINK: &str = "link";
 const ERRORS: &str = "errors.txt";
 
-/// How long the emulator may take to listen.
+/// Longest time until the emulator listens.
 const STARTING: Duration = Duration::from_secs(20);
 
-/// Whether the emulator for a machine is there.
+/// Checks that the emulator for a machine is installed.
 ///
 /// # Errors
 ///
-/// [`QemuError::NotInstalled`] with the package that brings it.
+/// [`QemuError::NotInstalled`] with the package that has it.
 pub fn check_installed(machine: Machine) -> Result<(), QemuError> {
     let program = machine.emulator();
     let path = std::env::var_os("PATH").unwrap_or_default();
@@ -454,7 +455,7 @@ pub fn check_installed(machine: Machine) -> Result<(), QemuError> {
     Err(QemuError::NotInstalled { program, package })
 }
 
-/// The emulator runs anything, and what it says of what is no program is no help.
+/// Refuses an image for another machine, which the emulator would run without a useful message.
 fn check_image(machine: Machine, path: &Path) -> Result<(), QemuError> {
     if !path.is_file() {
         return Err(QemuError::NoImage { path: path.to_owned(), target: machine.target() });
@@ -488,7 +489,8 @@ fn check_image(machine: Machine, path: &Path) -> Result<(), QemuError> {
     Ok(())
 }
 
-/// In memory where there is such a place: the emulator's RAM should not be written to a disk.
+/// Folder of the emulator, in `/dev/shm` where there is one: its RAM should not be written to a
+/// disk.
 fn folder(options: &QemuOptions) -> Result<(PathBuf, Guard), QemuError> {
     if let Some(folder) = &options.folder {
         guard::make_private_with_parents(folder).map_err(io_error("make", folder))?;
@@ -501,7 +503,7 @@ fn folder(options: &QemuOptions) -> Result<(PathBuf, Guard), QemuError> {
     Ok((guard.folder().unwrap_or(&parent).to_owned(), guard))
 }
 
-/// A flash in which nothing was ever saved, where there is none.
+/// Writes an erased flash, unless there is one already.
 fn blank_flash(folder: &Path) -> Result<(), QemuError> {
     let path = folder.join(FLASH);
     if fs::metadata(&path).is_ok_and(|file| file.len() == FLASH_BYTES as u64) {
@@ -517,11 +519,11 @@ fn io_error(verb: &str, path: &Path) -> impl FnOnce(io::Error) -> QemuError {
 
 fn spawn(options: &QemuOptions, folder: &Path, group: i32) -> Result<Child, QemuError> {
     let machine = options.machine;
-    // An emulator whose settings are a file runs in its folder.
+    // A machine that keeps its settings in a file runs in its folder, so paths must be absolute.
     let absolute = |path: &Path| std::path::absolute(path).map_err(io_error("find", path));
     let (image, own_folder) = (absolute(&options.image)?, absolute(folder)?);
     let at = |name: &str| own_folder.join(name).display().to_string();
-    let _ = fs::remove_file(folder.join(LINK)); // of an earlier run in the same folder
+    let _ = fs::remove_file(folder.join(LINK)); // left by an earlier run in the same folder
     let errors = File::create(folder.join(ERRORS)).map_err(io_error("write in", folder))?;
     let mut command = Command::new(machine.emulator());
     if let Some((bytes, _)) = machine.memory() {
@@ -532,7 +534,7 @@ fn spawn(options: &QemuOptions, folder: &Path, group: i32) -> Result<Child, Qemu
             .arg("-object")
             .arg(format!("memory-backend-file,id=shared,size={bytes},mem-path={memory},share=on"));
     } else {
-        // Its settings are a file.
+        // The image reads and writes its settings by semihosting, in this folder.
         command.args(["-M", machine.name(), "-semihosting-config", "enable=on,target=native"]);
         command.current_dir(folder);
     }
@@ -551,7 +553,7 @@ fn spawn(options: &QemuOptions, folder: &Path, group: i32) -> Result<Child, Qemu
     if machine == Machine::Virt {
         command.args(["-bios", "none"]);
     }
-    // The guard's group: a ^C in the terminal is for this program, which then ends the emulator.
+    // In the guard's group, so that ^C reaches this program alone, which then ends the emulator.
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors).process_group(group);
     command.spawn().map_err(io_error("run", Path::new(machine.emulator())))
 }
@@ -578,7 +580,8 @@ fn connect(
     }
 }
 
-/// Says how the emulator ended, if it has, and its first line: a dump of registers may follow.
+/// Exit status of the emulator, if it has ended, and the first line of its errors: a dump of
+/// registers may follow.
 fn failure(emulator: &Mutex<Emulator>, machine: Machine, folder: &Path) -> Option<String> {
     let status = lock(emulator).child.try_wait().ok()??;
     let said = fs::read_to_string(folder.join(ERRORS)).unwrap_or_default();
@@ -594,8 +597,8 @@ fn may_go_on(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted)
 }
 
-/// Waits a little longer each time: a doorbell is answered in a microsecond, an idle link costs
-/// nothing.
+/// Waiting that gets longer each time: a doorbell is answered in a microsecond, and an idle link
+/// takes no processor time.
 #[derive(Default)]
 struct Idle(u32);
 
@@ -610,7 +613,7 @@ impl Idle {
     }
 }
 
-/// The mailbox, as this side sees it.
+/// Mailbox in shared memory.
 struct Page {
     memory: MmapRaw,
 }

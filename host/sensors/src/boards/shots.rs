@@ -1,4 +1,4 @@
-//! A front end without its sensor: for a board that has a link and a processor, and no laser.
+//! Front end without a sensor: for a board that has a link and a processor, and no laser.
 
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
 use echoloop_frontend::FrontEnd;
@@ -8,29 +8,29 @@ use echoloop_sensor::afe::{self, AfeError};
 use crate::boards::nor_flash::RamNorFlash;
 use crate::boards::pc::PcBoard;
 
-/// The shots that a sensor's program would fire, by the same drivers and registers.
+/// Shots as a sensor's program fires them, by the same drivers and registers.
 pub struct Shots<F> {
     board: PcBoard<F>,
     settings: Settings,
 }
 
 impl<F: FrontEnd> Shots<F> {
-    /// A front end that has taken no settings yet. `hardware.adc_bits` is taken from it.
+    /// Front end with default settings. `hardware.adc_bits` is taken from it.
     pub fn new(front_end: F, pattern: ScanPattern, hardware: Hardware) -> Self {
         let board = PcBoard::new(front_end, pattern, hardware, RamNorFlash::default());
         Self { board, settings: Settings::default() }
     }
 
-    /// The front end, to look at another scene with.
+    /// Front end, to give it another scene.
     pub fn front_end_mut(&mut self) -> &mut F {
         self.board.front_end_mut()
     }
 
-    /// Brings it to these settings and begins a scan.
+    /// Applies settings and begins a scan.
     ///
     /// # Errors
     ///
-    /// [`AfeError`] of settings that its registers do not hold: those that fail their check.
+    /// [`AfeError`] for settings that fail their check, which the registers do not hold.
     pub fn begin(&mut self, settings: &Settings, frame: u32) -> Result<(), AfeError> {
         afe::apply(settings, &mut self.board)?;
         afe::begin_frame(self.board.emitter(), frame)?;
@@ -38,11 +38,11 @@ impl<F: FrontEnd> Shots<F> {
         Ok(())
     }
 
-    /// Fires a shot: all codes that the settings ask for.
+    /// Fires a shot, and writes all its codes.
     ///
     /// # Errors
     ///
-    /// [`AfeError::Bus`] when there are more or fewer than the settings make.
+    /// [`AfeError::Bus`] when `codes` is longer or shorter than the settings make.
     pub fn fire(&mut self, beam: u32, shot: u32, codes: &mut [u16]) -> Result<(), AfeError> {
         afe::fire(&mut self.board, &self.settings, beam, shot)?;
         if self.board.samples(codes) { Ok(()) } else { Err(AfeError::Bus) }

@@ -1,9 +1,9 @@
-//! A scan of waveforms that the host has: sent in parts, several of them under way, each answered
-//! by its number with the echoes of the beams that end in it.
+//! Scan of waveforms that the host makes. They are sent in parts, several of them in flight; each
+//! is answered by its number with the echoes of the beams that end in it.
 //!
-//! What is lost is sent again under new numbers, from where the sensor says that it goes on; when
-//! it is echoes that were lost, from the beginning of their beam. Waveforms are made anew for that:
-//! they depend on scan, beam and shot alone.
+//! Lost parts are sent again under new numbers, from the place that the sensor awaits; after lost
+//! echoes, from the beginning of their beam. Their waveforms are made again, which depend on scan,
+//! beam and shot alone.
 
 use std::collections::VecDeque;
 use std::io;
@@ -17,16 +17,16 @@ use echoloop_link::{
 use super::{Client, ClientError};
 use crate::transport::Transport;
 
-/// Parts under way at most, whatever a sensor has room for: what follows a lost one has to leave
-/// the line before it is sent again.
-const MOST_UNDER_WAY: u16 = 4;
+/// Most parts in flight, whatever room a sensor has: those after a lost one have to leave the line
+/// before it is sent again.
+const MOST_IN_FLIGHT: u16 = 4;
 
-/// Makes all codes of a shot, by beam and shot.
+/// Writes all codes of a shot, by beam and shot.
 pub type Shoot<'a> = dyn FnMut(u32, u32, &mut [u16]) -> io::Result<()> + 'a;
 
 impl<T: Transport> Client<T> {
-    /// Has the sensor find the echoes of waveforms that are made here, as scan `frame`, beam by
-    /// beam. Each shot has as many codes as the settings committed last make.
+    /// Sends waveforms made by `shoot` as scan `frame`, and returns the echoes of each beam. A shot
+    /// has as many codes as the settings committed last say.
     ///
     /// # Errors
     ///
@@ -48,25 +48,25 @@ impl<T: Transport> Client<T> {
     }
 }
 
-/// Codes of a scan, one after the other.
+/// Codes of a scan in their order, made shot by shot.
 struct Row<'a> {
     beams: u32,
     shots: u16,
     bits: u32,
     shoot: &'a mut Shoot<'a>,
-    /// Beam and shot whose codes these are.
+    /// Beam and shot of the codes below.
     made: Option<(u32, u16)>,
     codes: Vec<u16>,
 }
 
-/// A part of a scan.
+/// Part of a scan that fits a frame.
 struct Part {
     from: Place,
     to: Place,
-    /// Beams that end in it.
+    /// Number of beams that end in it.
     ended: usize,
     packed: Vec<u8>,
-    /// Of its frame, once it is sent.
+    /// Number of its frame, once it is sent.
     sequence: u16,
 }
 
@@ -77,7 +77,7 @@ impl<'a> Row<'a> {
         Self { beams, shots: settings.shots as u16, bits, shoot, made: None, codes }
     }
 
-    /// As much as a frame holds.
+    /// Part from a place on, as much as a frame holds.
     fn part(&mut self, from: Place) -> io::Result<Part> {
         let (mut to, mut ended) = (from, 0);
         let mut left = codes_in(PACKED_BYTES, self.bits);
@@ -96,7 +96,7 @@ impl<'a> Row<'a> {
             ended += usize::from(to.begins_beam());
         }
         let mut packed = vec![0; PACKED_BYTES];
-        let length = pack(&row, self.bits, &mut packed).unwrap_or(0); // as many as it holds
+        let length = pack(&row, self.bits, &mut packed).unwrap_or(0); // never too many: `codes_in`
         packed.truncate(length);
         Ok(Part { from, to, ended, packed, sequence: 0 })
     }
@@ -118,27 +118,27 @@ impl<'a> Row<'a> {
     }
 }
 
-/// What became of the answers that came.
+/// Next step after the answers that came.
 enum Step {
-    /// They were taken, as far as they were answers to parts under way.
+    /// Continue: answers to parts in flight were taken.
     On,
-    /// Something was lost: what follows is sent again from here.
+    /// Something was lost: send again from here.
     Back(Place),
 }
 
-/// A scan on its way.
+/// Scan being sent.
 struct Feed<'a> {
     frame: u32,
-    /// Parts that may be under way.
+    /// Most parts in flight.
     window: usize,
     row: Row<'a>,
-    /// What the next part begins with.
+    /// Place that the next part begins at.
     next: Place,
-    /// Made while others are under way.
+    /// Next part, made while others are in flight.
     ready: Option<Part>,
-    under_way: VecDeque<Part>,
+    in_flight: VecDeque<Part>,
     scan: Vec<Echoes>,
-    /// Times it went back since anything was taken.
+    /// Number of times it went back since the last echoes were taken.
     tries: u32,
 }
 
@@ -146,12 +146,12 @@ impl<'a> Feed<'a> {
     fn new(frame: u32, room: Room, row: Row<'a>) -> Self {
         Self {
             frame,
-            window: room.frames.clamp(1, MOST_UNDER_WAY).into(),
+            window: room.frames.clamp(1, MOST_IN_FLIGHT).into(),
             scan: Vec::with_capacity(row.beams as usize),
             row,
             next: Place::default(),
             ready: None,
-            under_way: VecDeque::new(),
+            in_flight: VecDeque::new(),
             tries: 0,
         }
     }
@@ -159,7 +159,7 @@ impl<'a> Feed<'a> {
     fn run<T: Transport>(mut self, client: &mut Client<T>) -> Result<Vec<Echoes>, ClientError> {
         while self.scan.len() < self.row.beams as usize {
             self.make_ready()?;
-            if self.under_way.len() < self.window
+            if self.in_flight.len() < self.window
                 && let Some(part) = self.ready.take()
             {
                 self.send(client, part)?;
@@ -196,12 +196,12 @@ impl<'a> Feed<'a> {
         let bytes = client.numbered(&command, &mut frame)?;
         client.transport.send(bytes)?;
         part.sequence = client.sequence;
-        self.under_way.push_back(part);
+        self.in_flight.push_back(part);
         Ok(())
     }
 
-    /// Gives up what is under way, and goes on from `place`. What is on the line comes before what
-    /// is sent next, so its answers are waited for: on a slow one they take longer than a timeout.
+    /// Gives up all parts in flight, and continues from `place`. First waits for their answers: on
+    /// a slow line those of the next part come after them, later than a timeout.
     fn go_back<T: Transport>(
         &mut self,
         client: &mut Client<T>,
@@ -209,7 +209,7 @@ impl<'a> Feed<'a> {
     ) -> Result<(), ClientError> {
         (self.tries, self.next, self.ready) = (self.tries + 1, place, None);
         let mut given_up: VecDeque<u16> =
-            self.under_way.drain(..).map(|part| part.sequence).collect();
+            self.in_flight.drain(..).map(|part| part.sequence).collect();
         while !given_up.is_empty() {
             let answers = client.listen(|of| given_up.contains(&of))?;
             let Some((newest, _)) = answers.last() else { break };
@@ -219,13 +219,13 @@ impl<'a> Feed<'a> {
         Ok(())
     }
 
-    /// Waits for answers to what is under way.
+    /// Waits for answers to parts in flight.
     fn hear<T: Transport>(&mut self, client: &mut Client<T>) -> Result<Step, ClientError> {
-        let numbers: Vec<u16> = self.under_way.iter().map(|part| part.sequence).collect();
+        let numbers: Vec<u16> = self.in_flight.iter().map(|part| part.sequence).collect();
         let answers = client.listen(|of| numbers.contains(&of))?;
         if answers.is_empty() {
-            let first = self.under_way.front().map_or(self.next, |part| part.from);
-            self.under_way.clear(); // nothing of it has been heard for long enough
+            let first = self.in_flight.front().map_or(self.next, |part| part.from);
+            self.in_flight.clear(); // none was answered within the timeout
             return Ok(Step::Back(first));
         }
         for (sequence, report) in answers {
@@ -242,11 +242,11 @@ impl<'a> Feed<'a> {
         sequence: u16,
         report: Report,
     ) -> Result<Step, ClientError> {
-        let Some(at) = self.under_way.iter().position(|part| part.sequence == sequence) else {
+        let Some(at) = self.in_flight.iter().position(|part| part.sequence == sequence) else {
             return Ok(Step::On); // answered twice
         };
-        let Part { from, ended, .. } = self.under_way[at];
-        let before: usize = self.under_way.drain(..=at).take(at).map(|part| part.ended).sum();
+        let Part { from, ended, .. } = self.in_flight[at];
+        let before: usize = self.in_flight.drain(..=at).take(at).map(|part| part.ended).sum();
         match report {
             Report::Nack(Nack::Awaited { place }) => return Ok(Step::Back(self.resumed_at(place))),
             Report::Nack(reason) => {
@@ -257,7 +257,8 @@ impl<'a> Feed<'a> {
         }
         let beams = client.beams(report, self.frame, from.beam, ended)?;
         if before > 0 {
-            // Those before it were taken, or it would not be; the answers were lost.
+            // The sensor took the parts before it, or it would not take this one: answers were
+            // lost.
             return Ok(Step::Back(self.first_missing()));
         }
         self.scan.extend(beams);
@@ -265,13 +266,13 @@ impl<'a> Feed<'a> {
         Ok(Step::On)
     }
 
-    /// Where to go on when the sensor would at `place`.
+    /// Place to continue from when the sensor awaits `place`.
     fn resumed_at(&self, place: Place) -> Place {
         let missing = self.first_missing();
         if place.beam == missing.beam { place } else { missing }
     }
 
-    /// The first beam whose echoes are not here.
+    /// First beam without echoes.
     fn first_missing(&self) -> Place {
         Place::of_beam(self.scan.len() as u32)
     }

@@ -1,5 +1,5 @@
-//! The log of a board that is not emulated: from its second serial port, or from the TCP port of a
-//! debugger that reads RTT.
+//! Log of a real board: from its second serial port, or from the TCP port of a debugger that reads
+//! RTT.
 
 use std::fmt;
 use std::fs;
@@ -19,29 +19,29 @@ use crate::defmt_log::{Messages, begin_file, write_lines};
 use crate::transport::{Serial, Transport};
 use echoloop_files::say;
 
-/// How long a debugger may take to answer a call.
-const CALL: Duration = Duration::from_secs(5);
-/// A log that says nothing for so long has said what it had to.
+/// Timeout of a connection to a debugger.
+const CONNECTING: Duration = Duration::from_secs(5);
+/// Silence after which a stopped log is at its end.
 const QUIET: Duration = Duration::from_millis(200);
-/// How long the last words may take.
+/// Longest wait for the rest of a stopped log.
 const LAST_WORDS: Duration = Duration::from_secs(2);
 
-/// Where a log comes from.
+/// Source of a log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LogSource {
-    /// A serial port: the board's own line for its log.
+    /// Serial port: the board's line for its log.
     Serial(Port),
-    /// `HOST:PORT` of a debugger that hands on what it reads by RTT.
+    /// `HOST:PORT` of a debugger that passes on RTT.
     Tcp(String),
 }
 
-/// Why a text names no such place.
+/// Reason that a text names no source.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum LogSourceError {
-    /// Not one of the kinds.
+    /// No known kind.
     #[error("expected serial:PORT[@BAUD] or tcp:HOST:PORT, as tcp:localhost:19021")]
     Kind,
-    /// A serial port that is none.
+    /// Malformed serial port.
     #[error(transparent)]
     Port(#[from] SpecError),
 }
@@ -72,19 +72,18 @@ impl fmt::Display for LogSource {
     }
 }
 
-/// A log that is being written down, until it is dropped. Whatever becomes of the log, who talks to
-/// the sensor goes on.
+/// Writer of a log, until it is dropped. A failure of the log does not stop the sensor's client.
 pub struct BoardLog {
     stop: Arc<AtomicBool>,
     writer: Option<JoinHandle<()>>,
 }
 
 impl BoardLog {
-    /// Begins to write down, with the image that the board runs; `-` is standard error.
+    /// Starts writing to `to`, with the image that the board runs; `-` is standard error.
     ///
     /// # Errors
     ///
-    /// Which of the three cannot be used, and why. Where the others cannot, no file is made.
+    /// Message with the option that cannot be used, and the reason. The file is created last.
     pub fn start(from: &LogSource, image: &Path, to: &Path) -> Result<Self, String> {
         let unusable = |why: &dyn fmt::Display| format!("--firmware {}: {why}", image.display());
         let elf = fs::read(image).map_err(|error| unusable(&error))?;
@@ -108,7 +107,7 @@ impl Drop for BoardLog {
     }
 }
 
-/// What is read from.
+/// Open source of a log.
 enum Line {
     Serial(Serial),
     Tcp(TcpStream),
@@ -119,13 +118,13 @@ impl Line {
         match from {
             LogSource::Serial(port) => Serial::open(&port.path, port.baud).map(Self::Serial),
             LogSource::Tcp(address) => {
-                let call = call(address);
-                call.map(Self::Tcp).map_err(|error| format!("it cannot be reached: {error}"))
+                let stream = connect(address);
+                stream.map(Self::Tcp).map_err(|error| format!("it cannot be reached: {error}"))
             }
         }
     }
 
-    /// Some bytes; none when the time is up.
+    /// Receives some bytes; 0 after [`QUIET`].
     fn receive(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         match self {
             Self::Serial(port) => port.receive(buffer, QUIET),
@@ -143,11 +142,11 @@ fn is_too_early(error: &io::Error) -> bool {
     matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
 }
 
-/// Tries each address that a name has.
-fn call(address: &str) -> io::Result<TcpStream> {
+/// Connects to the first address of a name that answers.
+fn connect(address: &str) -> io::Result<TcpStream> {
     let mut last = io::Error::other("the name has no address");
     for address in address.to_socket_addrs()? {
-        match TcpStream::connect_timeout(&address, CALL) {
+        match TcpStream::connect_timeout(&address, CONNECTING) {
             Ok(stream) => {
                 stream.set_read_timeout(Some(QUIET))?;
                 return Ok(stream);
@@ -158,7 +157,7 @@ fn call(address: &str) -> io::Result<TcpStream> {
     Err(last)
 }
 
-/// The writer's part.
+/// Work of the writer's thread.
 struct Copy {
     line: Line,
     to: PathBuf,
@@ -186,7 +185,7 @@ impl Copy {
                 say(format_args!("warning: no more log in {}: {error}", self.to.display()));
                 return;
             }
-            // One may have begun before we listened.
+            // One broken message is usual: the log may have been joined in the middle of it.
             if reader.broken() > 1 && !warned {
                 warned = true;
                 say(format_args!(
@@ -223,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn what_names_no_source_is_told_what_would() {
+    fn a_text_that_names_no_source_is_answered_with_what_would() {
         let table = [
             ("", "expected serial:PORT[@BAUD] or tcp:HOST:PORT"),
             ("/dev/ttyUSB1", "expected serial"),

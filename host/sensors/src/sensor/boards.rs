@@ -1,6 +1,6 @@
-//! Boards that the sensor's image runs on in QEMU.
+//! Names of the boards that QEMU emulates here.
 
-/// Their names; the first is the usual one.
+/// Names of the boards, the default first.
 #[cfg(unix)]
 pub(super) fn boards() -> Vec<&'static str> {
     crate::boards::qemu::Machine::ALL.map(crate::boards::qemu::Machine::name).to_vec()

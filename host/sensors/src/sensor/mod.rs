@@ -1,11 +1,9 @@
-//! A sensor that can be made to look at a scene: in process, in an emulated microcontroller, or on
-//! a serial line.
+//! Sensor that scans a view: in process, in an emulated microcontroller, or on a serial line.
 //!
-//! The client is the same for all. What differs is how a sensor comes to look somewhere. A
-//! simulated one is given the scene. What a board on a serial line sees is not ours to choose: it
-//! is asked for the scan of a numbered viewpoint, and whoever turns it reads the number off the
-//! emitter's FRAME register. Any sensor
-//! may instead be given the waveforms that a front end makes here: [`Sensor::fed`].
+//! The client is the same for all; the view is set in three ways. A simulated sensor is given the
+//! scene. A board on a serial line is asked for the scan of a numbered viewpoint, and the turntable
+//! reads the number from the emitter's FRAME register. Any sensor may be fed waveforms that a front
+//! end makes here: [`Sensor::fed`].
 
 mod board_log;
 mod boards;
@@ -36,45 +34,45 @@ pub use qemu::QemuOptions;
 pub use qemu::end_emulators;
 pub use spec::{FrontEndAt, Port, SensorSpec, SpecError};
 
-/// A line to a sensor, whichever.
+/// Line to a sensor of any kind.
 pub type Line = Box<dyn Transport + Send>;
 
-/// A front end that can be reached while a sensor has it.
+/// Front end that is shared with the sensor that uses it.
 pub type SharedFrontEnd = Arc<Mutex<WaveformFrontEnd>>;
 
-/// Why there is no sensor, or none any more.
+/// Failure to open a sensor, or of an open one.
 #[derive(Debug, Error)]
 pub enum SensorError {
-    /// It cannot be had.
+    /// The sensor cannot be opened.
     #[error("{sensor}: {reason}")]
     Open {
-        /// Which, as in `--sensor`.
+        /// Sensor, as in `--sensor`.
         sensor: String,
-        /// Why not.
+        /// Reason.
         reason: String,
     },
-    /// It did not do its part.
+    /// A command failed.
     #[error("{sensor}: {source}")]
     Client {
-        /// Which, as in `--sensor`.
+        /// Sensor, as in `--sensor`.
         sensor: String,
-        /// What went wrong.
+        /// Error of the client.
         source: ClientError,
     },
 }
 
 impl SensorError {
-    /// It cannot be had.
+    /// Error of a sensor that cannot be opened.
     pub fn open(sensor: impl Display, reason: impl Display) -> Self {
         Self::Open { sensor: sensor.to_string(), reason: reason.to_string() }
     }
 
-    /// It did not do its part.
+    /// Error of a failed command, for `map_err`.
     pub fn client(sensor: impl Display) -> impl FnOnce(ClientError) -> Self {
         move |source| Self::Client { sensor: sensor.to_string(), source }
     }
 
-    /// Of a sensor that was there before: what cannot be had again is lost.
+    /// As the error of a sensor that was open before: one that cannot be opened again is lost.
     fn again(self) -> Self {
         match self {
             Self::Open { sensor, reason } => {
@@ -85,21 +83,21 @@ impl SensorError {
     }
 }
 
-/// Who finds the echoes of a sensor in process.
+/// Detector of a sensor in process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Detector {
-    /// Its program.
+    /// Detector of the firmware.
     #[default]
     Firmware,
-    /// [`echoloop_sim::ideal`], in the program's place.
+    /// [`echoloop_sim::ideal`] in its place.
     Ideal,
 }
 
 impl Value for Detector {}
 
 impl Detector {
-    /// A sensor whose echoes it finds.
+    /// Sensor with this detector.
     pub fn of<F: FrontEnd>(self, sensor: PcSensor<F>) -> PcSensor<F> {
         match self {
             Self::Firmware => sensor,
@@ -108,27 +106,27 @@ impl Detector {
     }
 }
 
-/// What a simulated sensor is made of.
+/// Model of a simulated sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
-    /// Optics, detector, converter.
+    /// Receiver: optics, photodiode, converter.
     pub receiver: Receiver,
-    /// Where its beams point.
+    /// Scan pattern.
     pub pattern: ScanPattern,
-    /// What its hardware fixes.
+    /// Hardware.
     pub hardware: Hardware,
-    /// Who finds its echoes, in process.
+    /// Detector, of a sensor in process.
     pub detector: Detector,
 }
 
 impl Model {
-    /// The reference sensor with this receiver and this pattern.
+    /// Reference sensor with this receiver and this pattern.
     pub fn new(receiver: Receiver, pattern: ScanPattern) -> Self {
         let hardware = hardware_for(&receiver);
         Self { receiver, pattern, hardware, detector: Detector::default() }
     }
 
-    /// Its front end, which sees nothing yet.
+    /// Front end before an empty scene.
     pub fn front_end(&self) -> WaveformFrontEnd {
         WaveformFrontEnd::new(
             self.receiver.clone(),
@@ -138,38 +136,38 @@ impl Model {
     }
 }
 
-/// Something to look at.
+/// View to scan.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
-    /// What is there to see.
+    /// Response of the scene.
     pub scene: &'a Arc<SceneResponse>,
-    /// Decides the noise of a simulated front end, together with the scan's number. A sensor that
-    /// somebody else turns is told both.
+    /// Seed of the noise of a simulated front end, together with the scan's number. A board on a
+    /// serial line is sent both.
     pub noise_seed: u64,
-    /// Number of the scan where the scene comes with the view: the first or the second of a pair.
+    /// Number of the scan where the scene is given: the first or the second of a pair.
     pub scan: u32,
-    /// Number of the viewpoint, for a sensor that somebody else turns.
+    /// Number of the viewpoint, for a board on a turntable.
     pub viewpoint: u32,
 }
 
-/// Who decides what a sensor looks at.
+/// Way to set the view of a sensor.
 enum ViewControl {
-    /// Its front end is simulated and takes the scene.
+    /// The simulated front end is given the scene.
     Simulated(SharedFrontEnd),
-    /// It is asked for scans by the number of the viewpoint.
+    /// The scan is asked for by the number of the viewpoint.
     Numbered,
-    /// It gets waveforms that are made here.
+    /// The sensor is fed waveforms that are made here.
     Fed(Box<Shots<WaveformFrontEnd>>, Room),
 }
 
-/// One sensor, and what it looks at.
+/// Sensor and its view.
 pub struct Sensor {
     client: Client<Line>,
     view_control: ViewControl,
 }
 
 impl Sensor {
-    /// A sensor in this process.
+    /// Sensor in this process.
     ///
     /// # Errors
     ///
@@ -181,7 +179,7 @@ impl Sensor {
         Self::simulated(Box::new(InProcess(sensor)), front_end, RetryPolicy::default())
     }
 
-    /// As [`Sensor::in_process`], and it gets its waveforms over its link.
+    /// As [`Sensor::in_process`], fed waveforms over its link.
     ///
     /// # Errors
     ///
@@ -192,7 +190,7 @@ impl Sensor {
         Self::fed(Box::new(InProcess(sensor)), model, RetryPolicy::default())
     }
 
-    /// A sensor behind a line whose front end is simulated here.
+    /// Sensor behind a line, with a front end simulated here.
     ///
     /// # Errors
     ///
@@ -208,7 +206,7 @@ impl Sensor {
         })
     }
 
-    /// A sensor behind a line that somebody else turns.
+    /// Sensor behind a line, on a turntable of its own.
     ///
     /// # Errors
     ///
@@ -220,8 +218,7 @@ impl Sensor {
         })
     }
 
-    /// A sensor behind a line that gets its waveforms over it: one that has no front end, or whose
-    /// own is not used.
+    /// Sensor behind a line, fed waveforms over it: it has no front end, or its own is not used.
     ///
     /// # Errors
     ///
@@ -233,16 +230,16 @@ impl Sensor {
         Ok(Self { client, view_control: ViewControl::Fed(Box::new(shots), room) })
     }
 
-    /// A board on a serial port.
+    /// Board on a serial port.
     ///
     /// # Errors
     ///
-    /// [`SensorError::Open`] names the port and says why it cannot be opened.
+    /// [`SensorError::Open`] with the port and the reason.
     pub fn serial(port: &Port) -> Result<Self, SensorError> {
         Self::on_port(port, Self::numbered)
     }
 
-    /// A board on a serial port that gets its waveforms over it.
+    /// Board on a serial port, fed waveforms over it.
     ///
     /// # Errors
     ///
@@ -262,7 +259,7 @@ impl Sensor {
             .map_err(SensorError::client(name()))
     }
 
-    /// What room it has for waveforms, where it gets them over its link.
+    /// Room for waveforms of a fed sensor; `None` of others.
     pub fn room(&self) -> Option<Room> {
         match &self.view_control {
             ViewControl::Fed(_, room) => Some(*room),
@@ -270,7 +267,7 @@ impl Sensor {
         }
     }
 
-    /// Turns to a view and scans it.
+    /// Sets the view and scans it.
     ///
     /// # Errors
     ///
@@ -281,7 +278,7 @@ impl Sensor {
             ViewControl::Simulated(front_end) => {
                 let mut front_end = front_end.lock().unwrap_or_else(PoisonError::into_inner);
                 front_end.look_at(Arc::clone(view.scene), view.noise_seed);
-                drop(front_end); // the sensor needs it
+                drop(front_end); // unlocked: the sensor locks it for each shot
                 client.scan(view.scan)
             }
             ViewControl::Numbered => {
@@ -295,7 +292,7 @@ impl Sensor {
         }
     }
 
-    /// Sets it; the hash its settings now go by.
+    /// Commits settings, and returns their hash.
     ///
     /// # Errors
     ///
@@ -304,18 +301,18 @@ impl Sensor {
         self.client.configure(settings)
     }
 
-    /// What it says of itself.
+    /// Identity of the sensor.
     pub fn identity(&self) -> &Identity {
         self.client.identity()
     }
 
-    /// The conversation with it.
+    /// Client of the sensor.
     pub fn client(&mut self) -> &mut Client<Line> {
         &mut self.client
     }
 }
 
-/// Scans what a front end here sees, by the settings that the sensor has.
+/// Scan of waveforms that a front end here makes by the sensor's settings.
 fn scan_fed(
     client: &mut Client<Line>,
     shots: &mut Shots<WaveformFrontEnd>,

@@ -1,4 +1,4 @@
-//! Sensors to take from and give back.
+//! Pool of sensors.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
@@ -9,8 +9,8 @@ use crate::client::{ClientError, Identity};
 
 type Open = dyn Fn() -> Result<Sensor, SensorError> + Send + Sync;
 
-/// Sensors to take from and give back. Simulated ones are opened as they are needed, one for each
-/// thread that has use for it; of a board on a serial line there is one, and the others wait.
+/// Pool of sensors. Simulated ones are opened as needed, one for each thread that uses one; of a
+/// board on a serial line there is one, and other threads wait.
 pub struct Sensors {
     name: String,
     open: Box<Open>,
@@ -23,14 +23,14 @@ pub struct Sensors {
 #[derive(Default)]
 struct State {
     idle: Vec<Sensor>,
-    /// Idle, in use or being opened.
-    there: usize,
-    /// Some sensor has been open before.
+    /// Number of sensors idle, in use or being opened.
+    count: usize,
+    /// True when a sensor has been open before.
     opened: bool,
 }
 
 impl Sensors {
-    /// Sensors as `--sensor` and `--front-end` name them.
+    /// Pool of the sensors that `--sensor` and `--front-end` name.
     pub fn new(spec: &SensorSpec, at: FrontEndAt, model: Model, qemu: QemuOptions) -> Self {
         let name = spec.to_string();
         match spec.clone() {
@@ -53,12 +53,12 @@ impl Sensors {
         }
     }
 
-    /// Sensors in this process.
+    /// Pool of sensors in this process.
     pub fn in_process(model: Model) -> Self {
         Self::new(&SensorSpec::InProcess, FrontEndAt::Sensor, model, QemuOptions::default())
     }
 
-    /// At most `limit` sensors at a time, each opened by `open`.
+    /// Pool of at most `limit` sensors, each opened by `open`.
     pub fn opened_by(
         name: impl Into<String>,
         limit: usize,
@@ -69,17 +69,17 @@ impl Sensors {
         Self { name: name.into(), open, limit, state, freed, _log: None }
     }
 
-    /// With a log that is written down as long as they are there.
+    /// The same pool with a log that is written while the pool lives.
     pub fn with_log(self, log: BoardLog) -> Self {
         Self { _log: Some(log), ..self }
     }
 
-    /// Which they are, as in `--sensor`.
+    /// Name of the sensors, as in `--sensor`.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// What the sensors say of themselves; opens the first.
+    /// Identity of the sensors; opens the first.
     ///
     /// # Errors
     ///
@@ -88,8 +88,8 @@ impl Sensors {
         self.with(|sensor| Ok(sensor.identity().clone()))
     }
 
-    /// Takes a sensor, or waits for one, has `work` done with it, and gives it back. One that
-    /// failed is closed instead, and the next to come opens another. `work` must not wait for other
+    /// Takes a sensor, or waits for one, calls `work` with it, and gives it back. A sensor that
+    /// failed is closed instead, and the next call opens another. `work` must not wait for other
     /// threads: it may have the only sensor.
     ///
     /// # Errors
@@ -106,15 +106,15 @@ impl Sensors {
     }
 
     fn take(&self) -> Result<Seat<'_>, SensorError> {
-        let full = |state: &mut State| state.idle.is_empty() && state.there >= self.limit;
+        let full = |state: &mut State| state.idle.is_empty() && state.count >= self.limit;
         let mut state =
             self.freed.wait_while(self.state(), full).unwrap_or_else(PoisonError::into_inner);
         if let Some(sensor) = state.idle.pop() {
             return Ok(Seat { sensor, place: Place(self) });
         }
-        state.there += 1;
+        state.count += 1;
         let opened = state.opened;
-        drop(state); // opening takes long, and the others may go on
+        drop(state); // unlocked: opening takes long
         let place = Place(self);
         let sensor = (self.open)().map_err(|error| if opened { error.again() } else { error })?;
         self.state().opened = true;
@@ -126,8 +126,8 @@ impl Sensors {
     }
 }
 
-/// A sensor in use. Whatever happens to its user, its place is free again afterwards; the sensor is
-/// closed first, because a port has to be closed before it can be opened again.
+/// Sensor in use. Its place is freed when it is dropped, even by a panic; the sensor is closed
+/// first, because a port has to be closed before it can be opened again.
 struct Seat<'a> {
     sensor: Sensor,
     place: Place<'a>,
@@ -137,18 +137,18 @@ impl Seat<'_> {
     fn give_back(self) {
         let Self { sensor, place } = self;
         let sensors = place.0;
-        std::mem::forget(place); // still taken, by an idle sensor
+        std::mem::forget(place); // the idle sensor keeps the place
         sensors.state().idle.push(sensor);
         sensors.freed.notify_one();
     }
 }
 
-/// One of as many sensors as there may be.
+/// Place of one sensor in the limit.
 struct Place<'a>(&'a Sensors);
 
 impl Drop for Place<'_> {
     fn drop(&mut self) {
-        self.0.state().there -= 1;
+        self.0.state().count -= 1;
         self.0.freed.notify_one();
     }
 }
@@ -164,7 +164,7 @@ mod tests {
 
     use super::*;
 
-    /// Sensors of which `limit` may be open, and a count of those that have been.
+    /// Pool of at most `limit` sensors, and a count of those opened.
     fn counted(limit: usize) -> (Sensors, Arc<AtomicUsize>) {
         let (model, opened) = (
             Model::new(Receiver::default(), ScanPattern::default()),
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_cannot_be_opened_again_is_lost_and_not_misnamed() {
+    fn a_sensor_that_cannot_be_opened_again_is_reported_as_lost() {
         let (sensors, _) = counted(1);
         (0..9).for_each(|_| drop(fail(&sensors)));
         let error = sensors.identity().unwrap_err();

@@ -1,16 +1,16 @@
-//! The sensor's image in QEMU.
+//! Sensors in QEMU.
 
 use std::path::PathBuf;
 
 #[cfg(not(unix))]
 use super::{FrontEndAt, Model, Sensor, SensorError, SensorSpec};
 
-/// How to run it.
+/// Options of an emulated sensor.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct QemuOptions {
-    /// The image (ELF); absent: where `cargo xtask firmware` puts it, below the current folder.
+    /// Image (ELF); `None` for the one that `cargo xtask firmware` puts below the current folder.
     pub firmware: Option<PathBuf>,
-    /// Where its log goes, decoded; `-` is standard error.
+    /// File for its decoded log; `-` is standard error.
     pub log: Option<PathBuf>,
 }
 
@@ -36,10 +36,10 @@ mod here {
     use crate::defmt_log::{self, write_lines};
     use crate::transport::Transport;
 
-    /// An emulated processor may be slow when others need this one.
+    /// Long timeout: an emulated processor is slow on a busy machine.
     const RETRY_POLICY: RetryPolicy = RetryPolicy { timeout: Duration::from_secs(2), tries: 8 };
 
-    /// Starts an emulated board with the image, looking through a front end in this process.
+    /// Starts an emulated board with the image and a front end in this process.
     ///
     /// # Errors
     ///
@@ -78,12 +78,12 @@ mod here {
         sensor.map_err(SensorError::client(&name))
     }
 
-    /// Ends what a process that is about to exit would leave running.
+    /// Ends all emulators of this process, before it exits.
     pub fn end_emulators() {
         qemu::stop_all();
     }
 
-    /// Writes the sensor's log down when the sensor is switched off.
+    /// Line that writes the sensor's log when it is dropped.
     struct Logged {
         line: Qemu<SharedFrontEnd>,
         image: PathBuf,
@@ -91,7 +91,7 @@ mod here {
         number: usize,
     }
 
-    /// Sensors so far: each writes under its own number.
+    /// Number of sensors so far: each log has a number of its own.
     static SENSORS: AtomicUsize = AtomicUsize::new(0);
 
     impl Logged {

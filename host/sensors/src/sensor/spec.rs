@@ -1,4 +1,4 @@
-//! `--sensor`: which sensor.
+//! `--sensor` and `--front-end`: kind of sensor and place of its front end.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,34 +7,34 @@ use thiserror::Error;
 
 use super::boards::boards;
 
-/// Speed of a serial line that says nothing else, baud.
+/// Default speed of a serial line, baud.
 const BAUD: u32 = 921_600;
 
-/// Which sensor.
+/// Kind of sensor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SensorSpec {
-    /// The firmware in this process.
+    /// Firmware in this process.
     InProcess,
-    /// The firmware's image in an emulated microcontroller, on this board.
+    /// Image of the firmware in an emulated microcontroller, on this board.
     Qemu(String),
-    /// A board on a serial line.
+    /// Board on a serial line.
     Serial(Port),
 }
 
-/// `--front-end`: where the light becomes codes.
+/// `--front-end`: place where light becomes codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrontEndAt {
-    /// At the sensor, as its maker has it.
+    /// At the sensor: its own front end.
     Sensor,
-    /// Here: the sensor gets waveforms over its link, and has the DSP alone.
+    /// On the host: the sensor is fed waveforms over its link and runs the DSP alone.
     Host,
 }
 
 impl FrontEndAt {
-    /// Both, the usual one first.
+    /// Both, the default first.
     pub const ALL: [Self; 2] = [Self::Sensor, Self::Host];
 
-    /// As `--front-end` has it.
+    /// Name in `--front-end`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Sensor => "sensor",
@@ -42,7 +42,7 @@ impl FrontEndAt {
         }
     }
 
-    /// What it means, in a line.
+    /// Line of help.
     pub const fn summary(self) -> &'static str {
         match self {
             Self::Sensor => "At the sensor, as its maker has it",
@@ -54,25 +54,25 @@ impl FrontEndAt {
 /// A serial port and its speed: `PORT[@BAUD]`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Port {
-    /// Its path or name.
+    /// Path or name.
     pub path: String,
-    /// Bits a second.
+    /// Speed, bits a second.
     pub baud: u32,
 }
 
-/// Why a text names no sensor.
+/// Reason that a text names no sensor.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum SpecError {
-    /// Not one of the kinds.
+    /// No known kind.
     #[error("expected in-process, qemu[:BOARD] or serial:PORT[@BAUD]")]
     Kind,
-    /// QEMU has no such board.
+    /// Board that QEMU does not have here.
     #[error("qemu has no board '{0}' here, only {boards}", boards = boards().join(", "))]
     Board(String),
-    /// A serial line without a port.
+    /// Serial line without a port.
     #[error("a serial line needs its port, as serial:/dev/ttyACM0 or serial:/dev/ttyUSB0@115200")]
     NoPort,
-    /// What follows the last @ is no speed.
+    /// Text after the last @ that is no speed.
     #[error("'{0}' is no speed of a serial line: a whole number of baud, 1 or more")]
     Baud(String),
 }
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn what_names_no_sensor_is_told_what_would() {
+    fn a_text_that_names_no_sensor_is_answered_with_what_would() {
         let table = [
             ("", "expected in-process"),
             ("in-process:2", "expected in-process"),

@@ -1,4 +1,4 @@
-//! The sensor in this very process.
+//! Transport to a sensor in this process.
 
 use std::io;
 use std::time::Duration;

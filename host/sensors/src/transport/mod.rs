@@ -1,4 +1,4 @@
-//! Ways to carry the link's bytes.
+//! Transports of the link's bytes.
 
 mod in_process;
 #[cfg(unix)]
@@ -13,36 +13,36 @@ pub use in_process::InProcess;
 pub use recording::{Conversation, Direction, Recording};
 pub use serial::{NativePort, Serial};
 
-/// A line that takes no bytes for so long is lost.
+/// Time without a byte taken after which a line is lost.
 const STUCK: Duration = Duration::from_secs(5);
 
-/// How often to look whether to stop.
+/// Longest wait before `stop` is looked at again.
 pub(super) const LOOK_UP: Duration = Duration::from_millis(100);
 
-/// A line of bytes to a sensor. Bytes may be lost, changed or late: the client above copes.
+/// Line of bytes to a sensor. Bytes may be lost, changed or late: the client retries.
 pub trait Transport {
     /// Sends all bytes.
     ///
     /// # Errors
     ///
-    /// When the line is gone for good.
+    /// When the line is lost.
     fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// Sends some of the bytes, from the first on; how many the line took before the time was up. A
-    /// line that never makes its sender wait takes them all.
+    /// Sends bytes from the first on, and returns how many were taken before the timeout. A line
+    /// that never blocks takes them all.
     ///
     /// # Errors
     ///
-    /// When the line is gone for good.
+    /// When the line is lost.
     fn send_some(&mut self, bytes: &[u8], _timeout: Duration) -> io::Result<usize> {
         self.send(bytes).map(|()| bytes.len())
     }
 
-    /// Receives some bytes; none when the time is up.
+    /// Receives some bytes; 0 at the timeout.
     ///
     /// # Errors
     ///
-    /// When the line is gone for good.
+    /// When the line is lost.
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize>;
 }
 
@@ -60,11 +60,11 @@ impl<T: Transport + ?Sized> Transport for Box<T> {
     }
 }
 
-/// Sends all bytes, as the line takes them, or until told to stop.
+/// Sends all bytes, or until `stop` returns true.
 ///
 /// # Errors
 ///
-/// When the line is gone, or takes nothing for five seconds: nobody reads at its other end.
+/// When the line is lost, or takes no byte for five seconds: nobody reads at its other end.
 pub(super) fn send_until(
     line: &mut (impl Transport + ?Sized),
     mut bytes: &[u8],

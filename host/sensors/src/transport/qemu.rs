@@ -1,4 +1,4 @@
-//! The sensor's image in QEMU.
+//! Transport to a sensor in QEMU.
 
 use std::io;
 use std::time::Duration;

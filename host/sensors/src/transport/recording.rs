@@ -1,11 +1,11 @@
-//! A line that writes down what it carries.
+//! Transport that records its bytes.
 
 use std::io;
 use std::time::Duration;
 
 use super::Transport;
 
-/// Which way bytes went.
+/// Direction of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// From host to sensor.
@@ -19,12 +19,12 @@ pub enum Direction {
 pub struct Conversation(Vec<(Direction, Vec<u8>)>);
 
 impl Conversation {
-    /// What was sent and received, piece by piece. Neighbours went different ways.
+    /// Bytes piece by piece; neighbours have different directions.
     pub fn pieces(&self) -> impl Iterator<Item = (Direction, &[u8])> {
         self.0.iter().map(|(direction, bytes)| (*direction, &bytes[..]))
     }
 
-    /// All bytes that went one way.
+    /// All bytes of one direction.
     pub fn bytes(&self, way: Direction) -> Vec<u8> {
         self.pieces()
             .filter(|(direction, _)| *direction == way)
@@ -41,13 +41,12 @@ impl Conversation {
         }
     }
 
-    /// Says again what the host said, piece by piece, and writes down what the line answers until
-    /// it falls quiet: the same conversation, when the sensor is in the state it was in then and
-    /// does the same.
+    /// Sends the host's bytes again, piece by piece, and records the answers until the line is
+    /// quiet: the same conversation when the sensor begins in the same state.
     ///
     /// # Errors
     ///
-    /// When the line is gone.
+    /// When the line is lost.
     pub fn replay(&self, line: impl Transport, quiet: Duration) -> io::Result<Self> {
         let mut line = Recording::new(line);
         let mut chunk = [0; 1024];
@@ -59,24 +58,24 @@ impl Conversation {
     }
 }
 
-/// Carries bytes as the line inside does, and writes them down.
+/// Transport that records the bytes of the one inside.
 pub struct Recording<T> {
     inner: T,
     conversation: Conversation,
 }
 
 impl<T> Recording<T> {
-    /// Nothing written down yet.
+    /// Empty recording.
     pub fn new(inner: T) -> Self {
         Self { inner, conversation: Conversation::default() }
     }
 
-    /// What has been carried.
+    /// Bytes so far.
     pub fn conversation(&self) -> &Conversation {
         &self.conversation
     }
 
-    /// The line inside.
+    /// Transport inside.
     pub fn inner_mut(&mut self) -> &mut T {
         &mut self.inner
     }

@@ -1,4 +1,4 @@
-//! A serial line.
+//! Serial line.
 
 use std::io::{self, Read, Write};
 use std::thread;
@@ -10,18 +10,19 @@ use serialport::{ClearBuffer, ErrorKind, SerialPort};
 use super::{LOOK_UP, Transport, send_until};
 use crate::client::RetryPolicy;
 
-/// A port as this system has it.
+/// Port type of this system.
 #[cfg(unix)]
 pub type NativePort = serialport::TTYPort;
-/// A port as this system has it.
+/// Port type of this system.
 #[cfg(windows)]
 pub type NativePort = serialport::COMPort;
 
-/// Bits a byte takes on the line: start, eight, stop.
+/// Bits of a byte on the line: start, eight, stop.
 const BITS_PER_BYTE: f64 = 10.0;
-/// What a board may take to measure the beams of one report, and an adapter to pass them on.
+/// Longest time of a board to measure the beams of one report, and of an adapter to pass them on.
 const BOARD: Duration = Duration::from_millis(300);
-/// A serial port: eight bits, no parity, one stop bit, no flow control.
+
+/// Serial port: eight bits, no parity, one stop bit, no flow control.
 pub struct Serial {
     port: NativePort,
     name: String,
@@ -32,27 +33,27 @@ impl Serial {
     ///
     /// # Errors
     ///
-    /// That it cannot be opened, why, and for the usual reasons what to do.
+    /// Message with the reason, and for the usual ones with what to do.
     pub fn open(name: &str, baud: u32) -> Result<Self, String> {
         let port = serialport::new(name, baud).timeout(LOOK_UP).open_native();
-        let port = port.map_err(|error| why_not(&error))?;
-        alone(&port).map_err(|_| why_not(&taken()))?;
+        let port = port.map_err(|error| message(&error))?;
+        lock(&port).map_err(|_| message(&busy()))?;
         Self::from_open_port(port, name)
             .map_err(|error| format!("the port cannot be opened: {error}"))
     }
 
-    /// A port that is open already.
+    /// Takes a port that is open already.
     ///
     /// # Errors
     ///
-    /// When it cannot be made one that never keeps its writer waiting.
+    /// When it cannot be made non-blocking.
     pub fn from_open_port(port: NativePort, name: &str) -> io::Result<Self> {
         never_block(&port)?;
         Ok(Self { port, name: name.to_owned() })
     }
 
-    /// How to wait for answers over a line of this speed: 300 ms for the board, and the longest
-    /// frame's time once each way, because 2.8 kB take 246 ms at 115,200 baud.
+    /// Timeout and tries at a speed: 300 ms for the board, and the longest frame once each way,
+    /// because its 2.8 kB take 246 ms at 115,200 baud.
     pub fn retry_policy(baud: u32) -> RetryPolicy {
         let frame =
             Duration::from_secs_f64(MAX_FRAME as f64 * BITS_PER_BYTE / f64::from(baud.max(1)));
@@ -67,14 +68,14 @@ impl Serial {
     fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
         self.port.set_timeout(timeout)?;
         match self.port.read(buffer) {
-            // A terminal whose other end has gone.
+            // A terminal whose other end was closed.
             Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
             Err(error) if error.kind() == io::ErrorKind::TimedOut => Ok(0),
             read => read,
         }
     }
 
-    /// What has not gone out by now never will: closing the port must not wait for it.
+    /// Drops unsent bytes after a timeout: closing the port must not wait for them.
     fn give_up(&mut self, error: io::Error) -> io::Error {
         if error.kind() == io::ErrorKind::TimedOut {
             let _ = self.port.clear(ClearBuffer::Output);
@@ -83,8 +84,8 @@ impl Serial {
     }
 }
 
-/// A write to a line that nobody reads would wait for ever, once its buffer has room for the first
-/// bytes but not for all: then it takes what it can.
+/// Makes writes take what fits. Otherwise a write to a line that nobody reads would block for ever
+/// once its buffer has room for some of the bytes.
 #[cfg(unix)]
 fn never_block(port: &NativePort) -> io::Result<()> {
     use std::os::fd::{AsRawFd, BorrowedFd};
@@ -96,10 +97,10 @@ fn never_block(port: &NativePort) -> io::Result<()> {
     Ok(fcntl_setfl(descriptor, fcntl_getfl(descriptor)? | OFlags::NONBLOCK)?)
 }
 
-/// Two hosts on one line would take each other's answers. The system keeps others from opening the
-/// port, but for those who may do anything: they are kept out by a lock.
+/// Locks the port: two hosts on one line would take each other's answers. The system keeps other
+/// users from opening it, but not root.
 #[cfg(unix)]
-fn alone(port: &NativePort) -> io::Result<()> {
+fn lock(port: &NativePort) -> io::Result<()> {
     use std::os::fd::{AsRawFd, BorrowedFd};
 
     use rustix::fs::{FlockOperation, flock};
@@ -109,28 +110,28 @@ fn alone(port: &NativePort) -> io::Result<()> {
     Ok(flock(descriptor, FlockOperation::NonBlockingLockExclusive)?)
 }
 
-/// A port is opened by one program alone.
+/// Does nothing: Windows opens a port for one program only.
 #[cfg(windows)]
-fn alone(_port: &NativePort) -> io::Result<()> {
+fn lock(_port: &NativePort) -> io::Result<()> {
     Ok(())
 }
 
-fn taken() -> serialport::Error {
+fn busy() -> serialport::Error {
     serialport::Error::new(ErrorKind::NoDevice, "Device or resource busy")
 }
 
-/// The port's own time limit holds for all of a write.
+/// Does nothing: the port's timeout holds for a whole write.
 #[cfg(windows)]
 fn never_block(_port: &NativePort) -> io::Result<()> {
     Ok(())
 }
 
-/// Whether a call may be made again: it was interrupted, or came too soon.
+/// True when a call may be repeated: it was interrupted, or would block.
 fn may_go_on(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::Interrupted | io::ErrorKind::WouldBlock)
 }
 
-fn why_not(error: &serialport::Error) -> String {
+fn message(error: &serialport::Error) -> String {
     let advice = match error.kind() {
         ErrorKind::Io(io::ErrorKind::PermissionDenied) => {
             " (on Linux ports belong to the group dialout: sudo usermod -aG dialout $USER, then \
@@ -147,13 +148,13 @@ impl Transport for Serial {
         send_until(self, bytes, &|| false).map_err(|error| self.give_up(error))
     }
 
-    /// Into the system's buffer: to wait until it is empty would be to wait for a reader.
+    /// Writes to the system's buffer, and does not wait until it is empty, which needs a reader.
     fn send_some(&mut self, bytes: &[u8], timeout: Duration) -> io::Result<usize> {
         self.port.set_timeout(timeout)?;
         match self.port.write(bytes) {
             Err(error) if error.kind() == io::ErrorKind::TimedOut => Ok(0),
             Err(error) if may_go_on(&error) => {
-                thread::sleep(Duration::from_millis(1)); // said to have room, and had none
+                thread::sleep(Duration::from_millis(1)); // the system claimed room and had none
                 Ok(0)
             }
             written => written,
@@ -177,7 +178,7 @@ mod tests {
 
     #[test]
     fn a_port_without_permission_or_in_use_says_what_to_do() {
-        let said = |kind| why_not(&serialport::Error::new(kind, "denied"));
+        let said = |kind| message(&serialport::Error::new(kind, "denied"));
         assert!(said(ErrorKind::Io(io::ErrorKind::PermissionDenied)).contains("dialout"));
         assert!(said(ErrorKind::NoDevice).contains("another program"));
         assert_eq!(said(ErrorKind::Unknown), "the port cannot be opened: denied");

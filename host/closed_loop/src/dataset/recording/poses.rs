@@ -1,4 +1,4 @@
-//! Where a recording's sensor was at each scan.
+//! Poses of a recording's sensor, one a scan.
 
 use std::path::{Path, PathBuf};
 
@@ -6,12 +6,12 @@ use echoloop_files::{MOST_TEXT, read_text, shown};
 use echoloop_registration::pose::{Pose, from_rows, read_trajectory};
 use serde::Deserialize;
 
-/// Of a right-handed world: TUM or KITTI.
+/// Poses in a right-handed world, as TUM or KITTI.
 const POSES: &str = "poses.txt";
-/// CARLA's.
+/// Poses as CARLA has them.
 const TRANSFORMS: &str = "transforms.json";
 
-/// The file, and what is wrong with it.
+/// File, and what is wrong with it.
 type Fault = (PathBuf, String);
 
 /// `world_from_sensor` of each scan.
@@ -20,7 +20,7 @@ pub(super) fn read(folder: &Path) -> Result<Vec<Pose>, Fault> {
     match (poses.exists(), transforms.exists()) {
         (true, false) => {
             let read = read_trajectory(&poses);
-            // Its messages begin with the file, which is said once.
+            // Its messages begin with the path; the error around them has it already.
             let what = |error: &dyn std::fmt::Display| {
                 let said = error.to_string();
                 let file = poses.display().to_string();
@@ -60,7 +60,7 @@ fn parse(text: &str) -> Result<Vec<Pose>, String> {
 }
 
 impl Transform {
-    /// The pose in a right-handed world: with S = diag(1, −1, 1), which turns y about,
+    /// The pose in a right-handed world: with S = diag(1, −1, 1), which mirrors y,
     ///
     /// ```text
     /// world_from_sensor = S · M · S      M: CARLA's matrix, left-handed, x ahead, y right, z up
@@ -94,7 +94,7 @@ mod tests {
 
     use super::*;
 
-    /// The first of `carla_xodr/oracle_carla_transforms.json`: what CARLA makes of a point.
+    /// First entry of `carla_xodr/oracle_carla_transforms.json`: a point, transformed by CARLA.
     const ORACLE: &str = r#"[{"location": [-105.7003402709961, -209.49049377441406,
         13.018689155578613], "pitch": -76.10633850097656, "yaw": 12.917521476745605,
         "roll": -48.35198974609375, "point": [-44.20010757446289, 0.7435733079910278,
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_is_where_carla_has_it_with_y_turned_about() {
+    fn a_point_is_transformed_as_by_carla_with_y_mirrored() {
         assert_eq!(check(ORACLE), 1);
         let turned = r#"[{"location":[1,2,3],"pitch":0,"yaw":90,"roll":0}]"#;
         // To the right by 90°: ahead is −y of a right-handed world.
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn all_transforms_that_carla_was_asked_for_are_right() {
+    fn all_transforms_of_the_oracle_are_carla_s() {
         let Some(path) = echoloop_needs::data("carla_xodr/oracle_carla_transforms.json") else {
             return;
         };
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn transforms_that_are_none_are_refused() {
+    fn malformed_transforms_are_refused() {
         for (text, expected) in [
             ("{", "expected a list of"),
             (r#"[{"location":[1,2],"pitch":0,"yaw":0,"roll":0}]"#, "expected a list of"),

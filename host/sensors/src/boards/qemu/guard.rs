@@ -1,10 +1,9 @@
-//! Ends an emulator whose host was killed, and removes its folder: nobody else is left to.
+//! Guard that ends an emulator whose host was killed, and removes its folder.
 //!
-//! A process that is killed (`kill -9`, no memory left) drops nothing. What the system does for it
-//! is to close its pipes. So a shell waits at the end of one, in a process group that the emulator
-//! joins as it starts: a group cannot be confused with another, as a number of a process that has
-//! ended can. The shell is there before the folder, so that there is no moment in which something
-//! could be left.
+//! A process that is killed (`kill -9`, out of memory) drops nothing, but the system closes its
+//! pipes. So a shell waits at the end of one, in a process group that the emulator joins as it
+//! starts: the group's number is not reused while the shell lives, as that of an ended process may
+//! be. The shell starts before the folder is made, so that nothing can be left behind.
 
 use std::fs::{self, DirBuilder};
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -14,46 +13,46 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-/// Waits for the end of its input, ends the emulator, and once that has gone removes the folder,
-/// if there is one; at last what did not end, itself included.
+/// Script that waits for the end of its input, ends the emulator, after a second removes the
+/// folder, if there is one, and kills the rest of the group, itself included.
 const SCRIPT: &str = "read -r _; trap '' TERM; kill -TERM 0; sleep 1; [ -z \"$1\" ] || rm -rf -- \
                       \"$1\"; kill -KILL 0";
 
-/// A shell that waits for this process to end, and the folder that goes away with it or with this.
+/// Shell that waits for this process to end, and the folder that is removed with it or with this.
 pub(super) struct Guard {
     shell: Child,
     folder: Option<PathBuf>,
 }
 
 impl Guard {
-    /// Over an emulator whose folder is kept.
+    /// Guard of an emulator whose folder is kept.
     pub(super) fn over_emulator() -> io::Result<Self> {
         Ok(Self { shell: watch(Path::new(""))?, folder: None })
     }
 
-    /// Over a new folder below `parent`, which nobody else may enter, and an emulator.
+    /// Guard of an emulator and of a new private folder below `parent`.
     pub(super) fn over_new_folder(parent: &Path) -> io::Result<Self> {
         let name = format!("echoloop-{:016x}", RandomState::new().build_hasher().finish());
         let path = parent.join(name);
         let mut guard = Self { shell: watch(&path)?, folder: None };
-        make_private(&path)?; // one that is there already is not ours to remove
+        make_private(&path)?; // fails for an existing folder, which must not be removed
         guard.folder = Some(path);
         Ok(guard)
     }
 
-    /// The new folder.
+    /// New folder.
     pub(super) fn folder(&self) -> Option<&Path> {
         self.folder.as_deref()
     }
 
-    /// The process group for the emulator to be in.
+    /// Process group for the emulator.
     pub(super) fn group(&self) -> i32 {
         self.shell.id().cast_signed()
     }
 }
 
 impl Drop for Guard {
-    /// The folder first: until it has gone, somebody must be there to remove it.
+    /// Removes the folder before it ends the shell, which would remove it if this process died now.
     fn drop(&mut self) {
         if let Some(folder) = &self.folder {
             let _ = fs::remove_dir_all(folder);
@@ -63,7 +62,7 @@ impl Drop for Guard {
     }
 }
 
-/// Makes a folder, and those above it that are not there, for this user alone.
+/// Makes a folder and its missing parents, for this user alone.
 pub(super) fn make_private_with_parents(folder: &Path) -> io::Result<()> {
     DirBuilder::new().recursive(true).mode(0o700).create(folder)
 }
@@ -72,7 +71,7 @@ fn make_private(folder: &Path) -> io::Result<()> {
     DirBuilder::new().mode(0o700).create(folder)
 }
 
-/// The shell holds nothing of ours but its end of the pipe: no folder, no terminal.
+/// Starts the shell. It holds only its end of the pipe: no folder and no terminal.
 fn watch(folder: &Path) -> io::Result<Child> {
     let mut shell = Command::new("/bin/sh");
     shell.args(["-c", SCRIPT, "echoloop-guard"]).arg(folder).current_dir("/").process_group(0);
@@ -87,7 +86,7 @@ mod tests {
     use super::*;
 
     fn emulator(guard: &Guard) -> Child {
-        // Deaf to a request: it has to be killed.
+        // Ignores SIGTERM: it has to be killed.
         let mut command = Command::new("/bin/sh");
         command.args(["-c", "trap '' TERM; sleep 10 & wait; sleep 10"]);
         command.process_group(guard.group()).spawn().expect("a shell")
