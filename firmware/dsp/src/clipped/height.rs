@@ -42,8 +42,8 @@ use crate::rising_gain::ramp::{Ramp, power};
 ///
 /// Another dip than that of noise ends the side without an e; the air then takes the dip's lowest
 /// sample for R₄. Without an e on either side the height is the hard one: `level` where the run
-/// touches an end. Derived, and compared with the truth, in `benches/record/detector.md`, The strongest of
-/// clipped echoes.
+/// touches an end. Derived, and compared with the truth, in `benches/record/detector.md`, The
+/// strongest of clipped echoes.
 #[derive(Clone, Copy, Debug)]
 pub struct Height<'a> {
     /// Fit of the edges of hard echoes.

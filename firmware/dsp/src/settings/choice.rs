@@ -1,14 +1,14 @@
 //! Settings that choose between methods: one enum each, decoded once from the number on the wire.
 //!
-//! A new choice of the detector is an enum in the call of `choices!` here and its row in the call of
-//! `parameters!` in `parameters.rs`; `DetectorConfig::new` hands it to the stage that reads it.
+//! A new choice of the detector is an enum in the call of `choices!` here and its row in the call
+//! of `parameters!` in `parameters.rs`; `DetectorConfig::new` hands it to the stage that reads it.
 
 use crate::settings::reason::Reason;
 use crate::settings::refusal::Refusal;
 use crate::settings::{ParameterId, Settings};
 
-/// Declares a choice: an enum whose variants are numbered from 0 in the order of the wire, each with
-/// its name.
+/// Declares a choice: an enum whose variants are numbered from 0 in the order of the wire, each
+/// with its name.
 macro_rules! choice {
     (
         $(#[$attribute:meta])*
