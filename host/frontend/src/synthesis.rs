@@ -3,9 +3,9 @@
 use echoloop_dispatch::dispatch;
 use echoloop_random::{Key, normals, normals_baseline};
 
-use crate::adc::Amplifier;
 use crate::aerosol::Light;
 use crate::board::Analog;
+use crate::digitiser::Amplifier;
 use crate::exposure::{Exposure, ShotBuffers};
 use crate::pulse::Pulse;
 use crate::receiver::Receiver;
