@@ -29,7 +29,7 @@
 //! | `.pcd` | PCD, all three encodings | points and columns | binary, 0.7 |
 //! | `.vtk` | legacy VTK polydata, ASCII or binary | points | – |
 //! | `.bin` | KITTI: x y z intensity, little-endian `f32` | points and intensity | – |
-//! | `.xyz`, `.txt`, `.asc`, `.csv` | text: x y z first, or where a header names them | points | – |
+//! | `.xyz`, `.txt`, `.asc`, `.csv` | text: x y z first, or as a header names them | points | – |
 //!
 //! | to | take |
 //! |---|---|

@@ -13,7 +13,7 @@ use std::fs;
 use std::path::{Component, Path, PathBuf};
 
 use crate::scene::Surface;
-use echoloop_files::{read_text, one_line};
+use echoloop_files::{one_line, read_text};
 
 /// Largest number of material libraries of a mesh.
 const MAX_LIBRARIES: usize = 16;
@@ -86,7 +86,10 @@ impl<'a> ReferencedFiles<'a> {
             return Ok(false);
         }
         if self.requested.len() == MAX_NAMES {
-            return Err(format!("mtllib {:?} is one of more than {MAX_NAMES} names", one_line(name)));
+            return Err(format!(
+                "mtllib {:?} is one of more than {MAX_NAMES} names",
+                one_line(name)
+            ));
         }
         Ok(self.requested.insert(name.to_owned()))
     }

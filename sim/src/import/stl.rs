@@ -102,7 +102,9 @@ impl Reader {
                 Ok(())
             }
             (_, None) => Err(format!("expected solid, found {:?}", one_line(word))),
-            (_, Some(_)) => Err(format!("expected a facet or endsolid, found {:?}", one_line(word))),
+            (_, Some(_)) => {
+                Err(format!("expected a facet or endsolid, found {:?}", one_line(word)))
+            }
         }
     }
 

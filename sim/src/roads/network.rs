@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use echoloop_files::{read_data, one_line};
+use echoloop_files::{one_line, read_data};
 use xodr::{LaneType, Layer, Shape, Warning};
 
 use super::fault::{RoadFault, RoadsError};
@@ -186,7 +186,9 @@ impl RoadNetwork {
             .map_err(|error| RoadFault::Format(one_line(&error.to_string())))?;
         for warning in found.warnings.iter().filter(|warning| !warning.is_ignored()) {
             match breaks_a_road(warning) {
-                true => return Err(RoadFault::of(warning.road_id(), one_line(&warning.to_string()))),
+                true => {
+                    return Err(RoadFault::of(warning.road_id(), one_line(&warning.to_string())));
+                }
                 false => remarks.push(one_line(&warning.to_string())),
             }
         }
