@@ -1,13 +1,5 @@
 //! The world around the sensor: scenes, ray casting, the scanner.
 //!
-//! 1. [`scene::generate`] generates a place, [`import::load_scene`] reads one: triangles with
-//!    materials.
-//! 2. [`viewpoint::sample_pairs`] finds pairs of poses in it that a surveyor could scan from.
-//! 3. [`scanner::Scanner::scan`] traces every beam from a pose. The returns depend on the place,
-//!    and
-//!    not on the settings of the sensor.
-//! 4. [`picture::draw`] draws a picture of a scene.
-//!
 //! ```
 //! use echoloop_sim::raycast::Raycaster;
 //! use echoloop_sim::scanner::{BeamOptics, Scanner};
@@ -25,6 +17,13 @@
 //! let response = Scanner::scan(&caster, MATERIALS, &pose, &ahead, &BeamOptics::default());
 //! assert!((response.of(0)[0].range_m - 10.0).abs() < 1e-3);
 //! ```
+//!
+//! 1. [`scene::generate`] generates a place, [`import::load_scene`] reads one: triangles with
+//!    materials.
+//! 2. [`viewpoint::sample_pairs`] finds pairs of poses in it that a surveyor could scan from.
+//! 3. [`scanner::Scanner::scan`] traces every beam from a pose. The returns depend on the place,
+//!    and not on the settings of the sensor.
+//! 4. [`picture::draw`] draws a picture of a scene.
 
 pub mod ideal;
 pub mod import;

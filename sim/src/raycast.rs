@@ -22,9 +22,9 @@ use packet::{LANES, LeafHit, nearest, nearest_single};
 use triangle::{Triangle, cos_incidence};
 use wide_bvh::{WideNode, widen};
 
-/// One triangle a leaf: eight leaves are told apart by their boxes at once. Larger leaves make a
-/// scan 5 % faster, and a build slower by as much as a scan takes. The medium build of `obvhs`
-/// takes half as long again and gains nothing.
+/// One triangle a leaf: a ray tests eight boxes at once. Larger leaves make a scan 5 % faster, and
+/// the build slower by the time of a whole scan. The `medium_build` of `obvhs` takes 1.5 times as
+/// long and gains nothing.
 const BUILD: BvhBuildParams =
     BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::fast_build() };
 

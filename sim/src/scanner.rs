@@ -1,5 +1,5 @@
-//! Returns of a scene to the beams of a scanner, before any electronics (benches/record/physics.md
-//! §1).
+//! Returns of a scene to the beams of a scanner, before any electronics
+//! (benches/record/physics.md §1).
 //!
 //! They depend on the scene and the pose, and not on the settings of the sensor: a pose is traced
 //! once and every candidate Θ_lidar renders its waveforms from it.

@@ -96,7 +96,7 @@ pub struct Rejections {
     pub unwanted: usize,
 }
 
-/// Why no pairs could be sampled.
+/// Reason why no pairs could be sampled.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ViewpointError {
     /// The plan cannot be satisfied in any place.
@@ -163,7 +163,7 @@ pub fn sample_pairs(
 ///
 /// # Errors
 ///
-/// As of [`sample_pairs`].
+/// As for [`sample_pairs`].
 pub fn sample_pairs_between<T>(
     scene: &Scene,
     [caster, later]: [&Raycaster; 2],

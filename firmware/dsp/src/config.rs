@@ -17,7 +17,7 @@ use crate::stages::timing::Timing;
 /// | constant | value | format |
 /// |---|---|---|
 /// | sample period | 2 (R_max − R_min) / (c·N_w) | fs, nearest |
-/// | clip code | S · full-scale code of as many shots | code, nearest |
+/// | clip code | S · full-scale code of the shots' sum | code, nearest |
 /// | black | black level | Q1.15, nearest |
 /// | floor | g·N | Q1.15, nearest |
 /// | k | SNR threshold | Q8.8, nearest |
@@ -26,8 +26,8 @@ use crate::stages::timing::Timing;
 /// | range origin | R_min | 1/256 mm |
 /// | range step | c/2 · sample period | 2⁻²⁴ mm, nearest |
 /// | range origin in samples | R_min over the range step, at most 4096 | Q16.16, rounded down |
-/// | blind | 0.9 · overlap in whole mm less R_min, at least 0, over the step | Q16.16, down |
-/// | ΔR, follows the pulse | W · 170.88 µm/ps | µm, rounded down |
+/// | blind | max(⌊0.9 · overlap⌋ in mm − R_min, 0) / range step | Q16.16, down |
+/// | ΔR, where it follows the pulse | W · 170.88 µm/ps | µm, rounded down |
 /// | minimum separation | ΔR over the range step | samples, rounded down, at least 1 |
 ///
 /// U is the unit echo. Values computed in `f32` are within 3 × 10⁻⁶. The reflectivity scale is ρ in
@@ -52,7 +52,7 @@ pub struct DetectorConfig {
     pub(crate) dithered: Option<DitheredConfig>,
     /// The emitted pulse.
     pub(crate) pulse: Pulse,
-    /// Samples on either side of a pulse's middle that lie strictly inside the pulse.
+    /// K, the number of samples on either side of a pulse's middle that lie strictly inside it.
     pub(crate) reach: usize,
     /// Chosen ambient estimator.
     pub(crate) ambient: AmbientEstimator,

@@ -1,5 +1,13 @@
 //! Common part of the images for emulated microcontrollers: drivers, log, sleep, panic handler.
 //!
+//! ```sh
+//! rustup target add thumbv7em-none-eabihf
+//! cargo xtask firmware --target thumbv7em-none-eabihf          # builds the images, prints sizes
+//! cargo run --release -- scan --sensor qemu -o cloud.ply       # runs one in an emulator
+//! ```
+//!
+//! A board of your own needs a firmware of its own: `docs/porting.md`.
+//!
 //! Unsafe code is in accesses to registers, in the log, in the sleep, and in the exit of the
 //! measuring program.
 #![cfg(target_os = "none")]
@@ -23,8 +31,8 @@ pub mod uart;
 pub mod watchdog;
 
 /// Logs the reason and stops; a running watchdog restarts the board.
-pub fn stop(why: &str) -> ! {
-    defmt::error!("{=str}", why);
+pub fn stop(reason: &str) -> ! {
+    defmt::error!("{=str}", reason);
     loop {
         core::hint::spin_loop();
     }

@@ -1,8 +1,8 @@
 //! Consistent overhead byte stuffing (COBS), by iterators: without an index there is no bounds
 //! check that could panic.
 //!
-//! A code byte n stands for the n − 1 bytes that follow it and a zero. The codes 255 and the last
-//! one stand for no zero.
+//! A code byte n means: n − 1 bytes as they are, then a zero. The zero is left out after code 255
+//! and after the last one.
 
 use core::cell::Cell;
 

@@ -1,4 +1,4 @@
-//! Frames: COBS, CRC-32C, sequence numbers, and the way they go.
+//! Frames: COBS, CRC-32C, sequence numbers and direction.
 
 use core::fmt;
 
@@ -7,19 +7,20 @@ use serde::{Deserialize, Serialize};
 
 use crate::cobs;
 
-/// Bytes that are summed at a time, each with a table of 1 kB: one on a microcontroller. The sum is
-/// the same.
+/// Bytes that the checksum takes per step, with a table of 1 kB each: 16 on a PC, 1 on a
+/// microcontroller. The checksum is the same.
 const AT_A_TIME: usize = if cfg!(target_os = "none") { 1 } else { 16 };
 
 static CRC: Crc<u32, Table<AT_A_TIME>> = Crc::<u32, Table<AT_A_TIME>>::new(&CRC_32_ISCSI);
 
-/// Most bytes that a frame carries: sequence, body and checksum.
+/// Most bytes that a frame carries: sequence, body and checksum. A report of the most beams with
+/// the most echoes fits.
 pub const MAX_PAYLOAD: usize = 2816;
 
 /// Most bytes of a frame on the wire: COBS adds one in 254, and there is a zero at both ends.
 pub const MAX_FRAME: usize = MAX_PAYLOAD + MAX_PAYLOAD.div_ceil(254) + 2;
 
-/// Way that a frame goes.
+/// Direction of a frame.
 ///
 /// It costs no byte: the checksum of a frame to the host is complemented. An end that hears itself,
 /// on a line that echoes, thus recognises its own frames. Damage turns one way into the other as

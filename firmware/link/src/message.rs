@@ -220,7 +220,7 @@ pub enum Report {
     Saved {
         /// Hash of the settings.
         hash: u32,
-        /// Number of sets saved since there was none, modulo 2³².
+        /// Number of saves since the store was last empty, modulo 2³².
         revision: u32,
     },
     /// Nothing is saved.

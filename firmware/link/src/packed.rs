@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn places_are_filled_with_what_the_codes_are_one_by_one_wherever_they_are_cut() {
+    fn filling_in_pieces_gives_the_same_codes_as_one_by_one() {
         let bytes: [u8; 40] = core::array::from_fn(|k| (k * 151 + 7) as u8);
         for bits in 8..=14 {
             for length in 0..bytes.len() {

@@ -46,9 +46,10 @@ struct Frame {
     reason = "lives for one answer, and there is no heap to box it on"
 )]
 pub enum Answer<'a> {
-    /// Send this.
+    /// Send this report.
     Report(Report),
-    /// Measure these beams with the active settings, tell [`Session::measured`], and send them.
+    /// Measure these beams with the active settings, pass them to [`Session::measured`], and send
+    /// them.
     Measure {
         /// Number of the scan.
         frame: u32,
@@ -59,8 +60,8 @@ pub enum Answer<'a> {
         /// Scan and seed that decide the noise of a simulated front end, if the host gave them.
         noise: Option<Noise>,
     },
-    /// Take these codes as those of shots with the active settings, tell [`Session::measured`] the
-    /// beams that they complete, and send those beams.
+    /// Take these codes as those of shots with the active settings, pass the beams that they
+    /// complete to [`Session::measured`], and send those beams.
     Take {
         /// Number of the scan.
         frame: u32,
@@ -169,8 +170,9 @@ impl Session {
         self.ready
     }
 
-    /// Count of the open scan since the start, from 1, wrapping, and true when all its beams have
-    /// been measured. A scan that another session asks for under the same number counts anew.
+    /// Index of the open scan since the start, from 1, wrapping, and true when all its beams have
+    /// been measured; `None` when no scan is open. The same number in another session is another
+    /// scan.
     pub fn open_scan(&self) -> Option<(u32, bool)> {
         self.frame.map(|frame| (self.begun, frame.measured == self.pattern.beams()))
     }
@@ -445,7 +447,7 @@ mod tests {
     }
 
     #[test]
-    fn a_commit_said_twice_is_answered_twice_and_happens_once() {
+    fn a_commit_sent_twice_is_answered_twice_and_acts_once() {
         let mut session = opened();
         let hash = stage(&mut session, 100);
         for _ in 0..2 {
@@ -619,7 +621,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_that_are_not_on_trial_may_see_nothing() {
+    fn settings_that_are_not_on_trial_may_find_no_echo() {
         let (mut session, _) = on_trial(0);
         (1..9).for_each(|number| scan(&mut session, number, 0));
         assert_eq!(gain(&session), (1, 100));
@@ -633,7 +635,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trial_after_a_trial_falls_back_behind_both() {
+    fn a_trial_after_a_trial_rolls_back_to_the_settings_before_both() {
         let (mut session, _) = on_trial(100);
         let hash = stage(&mut session, 200);
         report(&mut session, Command::Commit { hash, base_generation: 1, confirm_within: 1 });
@@ -655,7 +657,7 @@ mod tests {
     }
 
     #[test]
-    fn what_waits_for_a_frame_to_end_cannot_be_confirmed_yet() {
+    fn settings_that_wait_for_a_frame_to_end_cannot_be_confirmed_yet() {
         let mut session = opened();
         session.handle(Command::ReadBeams { frame: 1, first: 80, count: 20 });
         session.handle(Command::ReadBeams { frame: 1, first: 0, count: 20 });
@@ -668,7 +670,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trial_said_twice_is_one_trial_and_no_other_commit() {
+    fn a_trial_sent_twice_is_one_trial_and_no_other_commit() {
         let (mut session, hash) = on_trial(2);
         scan(&mut session, 1, 1);
         let again =
@@ -687,7 +689,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_active_and_not_on_trial_is_saved() {
+    fn only_active_settings_that_are_not_on_trial_are_saved() {
         let (mut session, hash) = on_trial(100);
         let before = settings_hash(&Settings::default());
         assert_eq!(
@@ -701,7 +703,7 @@ mod tests {
     }
 
     #[test]
-    fn a_start_with_settings_that_do_not_pass_is_one_with_the_defaults() {
+    fn a_start_with_refused_settings_has_the_defaults() {
         let settings = Settings { gain_cdb: 9_999, ..Settings::default() };
         let session = Session::new(Hardware::REFERENCE, PATTERN, "test", settings);
         assert_eq!(*session.settings(), Settings::default());

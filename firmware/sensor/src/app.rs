@@ -13,13 +13,13 @@ use crate::store;
 /// Name and version of this firmware.
 pub const BUILD: &str = concat!("echoloop-sensor ", env!("CARGO_PKG_VERSION"));
 
-/// Highest distance of a command's number ahead of the newest. A host counts on when it gives a
-/// command up; after that many it has to say hello.
+/// Most numbers by which a command may be ahead of the newest. A host that gives a command up goes
+/// on counting; beyond this it has to say hello.
 pub const MAX_SKIPPED: u16 = 256;
 
-/// Highest distance of a hello's number behind the newest command at which the hello counts as
+/// Most numbers by which a hello may be behind the newest command and still be refused as
 /// overtaken. If it were accepted, it would end a trial, and other overtaken commands could act
-/// after it. A new host that begins there by chance is told so.
+/// after it. A new host that begins there by chance gets an answer that says so.
 pub const MAX_LATE_HELLO: u16 = 64;
 
 /// Error: the link cannot be read or written.

@@ -54,7 +54,7 @@ pub trait Board {
     /// not begin it. The converter fills its buffer while the program works on the shot before.
     fn begin_shot(&mut self) {}
 
-    /// Waits for the last shot and copies its samples out of the converter's buffer, which is then
+    /// Waits for the last shot and fills `codes` with its samples; the converter's buffer is then
     /// free for the next shot. False when the shot never came.
     fn samples(&mut self, codes: &mut [u16]) -> bool;
 

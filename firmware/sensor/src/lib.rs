@@ -14,7 +14,7 @@
 //! ```
 //!
 //! The same application runs on a microcontroller (`echoloop-image`, firmware/image), in QEMU, and
-//! in process on a PC (`PcSensor` in `echoloop-sim`). Only the board differs.
+//! in process on a PC (`PcSensor` in `echoloop-sensors`). Only the board differs.
 //!
 //! | module | holds |
 //! |---|---|

@@ -83,7 +83,7 @@ pub fn read_straps(words: [u32; STRAP_WORDS]) -> Option<(Hardware, ScanPattern)>
         energy_limit_pj,
         unit_echo_milli,
         shot_noise_ppm,
-        view @ ..,
+        pattern @ ..,
     ] = words;
     let hardware = Hardware {
         adc_bits,
@@ -93,7 +93,7 @@ pub fn read_straps(words: [u32; STRAP_WORDS]) -> Option<(Hardware, ScanPattern)>
         unit_echo_milli,
         shot_noise_ppm,
     };
-    let pattern = ScanPattern::from_words(view)?;
+    let pattern = ScanPattern::from_words(pattern)?;
     let works =
         (8..=14).contains(&adc_bits) && range_min_mm < range_max_mm && range_max_mm < 1_000_000;
     works.then_some((hardware, pattern))
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_that_nobody_strapped_makes_no_sensor() {
+    fn memory_without_straps_makes_no_sensor() {
         assert_eq!(read_straps([0; STRAP_WORDS]), None);
         assert_eq!(read_straps([u32::MAX; STRAP_WORDS]), None);
     }

@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn half_a_scan_is_none_and_its_time_is_not_the_next_one_s() {
+    fn half_a_scan_does_not_count_nor_add_to_the_next_one_s_time() {
         let mut stopwatch = Stopwatch::default();
         stopwatch.set_deadline(5);
         stopwatch.add(1, 4, false);

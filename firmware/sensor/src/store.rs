@@ -39,7 +39,7 @@ const HEADER: usize = 20;
 /// Content of a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Saved {
-    /// Number of sets saved since there was none, modulo 2³².
+    /// Number of saves since the store was last empty, modulo 2³².
     pub revision: u32,
     /// Settings, which pass the check on the hardware that they were read for.
     pub settings: Settings,

@@ -11,7 +11,7 @@ use crate::board::Board;
 use crate::state::Intake;
 
 /// Lowest number of samples of a shot.
-#[expect(clippy::indexing_slicing, reason = "when it is compiled")]
+#[expect(clippy::indexing_slicing, reason = "evaluated at compile time")]
 const FEWEST: usize = PARAMETERS[ParameterId::WaveformResolution as usize].min as usize;
 
 // A code has at least 8 bits: the beams that end in a frame fit a report.
@@ -25,7 +25,7 @@ impl<B: Board> App<B> {
     // Not inlined, like `measure`.
     #[inline(never)]
     pub(crate) fn take_codes(&mut self, frame: u32, from: Place, packed: &[u8]) -> Report {
-        if let Err(reason) = self.go_on(frame, from, packed) {
+        if let Err(reason) = self.accept(frame, from, packed) {
             return Report::Nack(reason);
         }
         let mut beams: Vec<Echoes, BEAMS_PER_REPORT> = Vec::new();
@@ -39,14 +39,14 @@ impl<B: Board> App<B> {
         self.measured(frame, from.beam, beams)
     }
 
-    /// Checks that a part continues the last one or restarts a beam.
-    fn go_on(&mut self, frame: u32, from: Place, packed: &[u8]) -> Result<(), Nack> {
+    /// Accepts a part that continues the last one or restarts a beam.
+    fn accept(&mut self, frame: u32, from: Place, packed: &[u8]) -> Result<(), Nack> {
         self.configure().map_err(|_| Nack::FrontEnd)?;
         let here = Intake { frame, next: from };
         if !from.begins_beam() && self.intake != Some(here) {
             return Err(Nack::Awaited { place: self.awaited(frame, from) });
         }
-        self.hold_to_the_scan(from, packed)?;
+        self.check_end(from, packed)?;
         self.intake = Some(here);
         Ok(())
     }
@@ -89,7 +89,7 @@ impl<B: Board> App<B> {
     }
 
     /// Checks that a part ends within the scan.
-    fn hold_to_the_scan(&self, from: Place, packed: &[u8]) -> Result<(), Nack> {
+    fn check_end(&self, from: Place, packed: &[u8]) -> Result<(), Nack> {
         let (Some(samples), Some(shots)) = (self.samples(), self.shots()) else {
             return Err(Nack::FrontEnd);
         };

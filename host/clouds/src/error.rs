@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::Dropped;
 use crate::format::{CloudFormat, read_extensions};
 
-/// Why a cloud could not be read or written.
+/// Reason why a cloud could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum CloudError {
     /// The file cannot be read or written.

@@ -12,7 +12,7 @@ use crate::{Cloud, pcd, ply, text, vtk};
 pub(crate) struct Format {
     /// Extensions of its files, in lower case.
     pub(crate) extensions: &'static [&'static str],
-    /// Its name, where the extension does not tell.
+    /// Its name, where that is not its extension; else empty.
     pub(crate) known_as: &'static str,
     /// The cloud in the bytes of a file, or what was expected of them.
     pub(crate) read: fn(&[u8], Keep) -> Result<Recorded, String>,
@@ -35,7 +35,7 @@ macro_rules! formats {
         }
 
         impl CloudFormat {
-            /// All of them.
+            /// All formats that are written.
             pub const ALL: [Self; [$($name),+].len()] = [$(Self::$variant),+];
 
             /// The name of the format, which is also the extension of its files.

@@ -99,12 +99,12 @@ struct Wanted {
     offset: usize,
     /// Byte offset of its first number in unpacked data, which are stored field by field.
     start: u64,
-    goes: Goes,
+    to: Destination,
 }
 
 /// The destination of the numbers of a field.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Goes {
+enum Destination {
     /// An axis of the points.
     Axis(usize),
     /// σ_R.
@@ -113,7 +113,7 @@ enum Goes {
     Column(usize),
 }
 
-impl Goes {
+impl Destination {
     /// Bytes of memory per number.
     fn size(self, kind: NumberType) -> usize {
         match self {
@@ -128,28 +128,28 @@ fn fields(meta: &PcdMeta, keep: Keep) -> Result<Vec<Wanted>, String> {
     let (mut fields, mut columns) = (Vec::<Wanted>::new(), 0);
     let (mut place, mut offset) = (0, 0_u64);
     for def in &meta.field_defs {
-        if let Some(goes) = goes(def, keep, columns)? {
-            columns += usize::from(matches!(goes, Goes::Column(_)));
+        if let Some(to) = destination(def, keep, columns)? {
+            columns += usize::from(matches!(to, Destination::Column(_)));
             let start = offset.saturating_mul(meta.num_points);
             let (name, kind) = (def.name.clone(), kind(def.kind));
-            fields.push(Wanted { name, kind, place, offset: offset as usize, start, goes });
+            fields.push(Wanted { name, kind, place, offset: offset as usize, start, to });
         }
         place += usize::from(!def.is_padding());
         let size = def.count.saturating_mul(def.kind.byte_size() as u64);
         offset = offset.saturating_add(size); // with no points, any count passes check_size
     }
-    match AXES.iter().enumerate().find(|(axis, _)| !has(&fields, Goes::Axis(*axis))) {
+    match AXES.iter().enumerate().find(|(axis, _)| !has(&fields, Destination::Axis(*axis))) {
         Some((_, axis)) => Err(format!("expected a field {axis:?} in the PCD header")),
         None => Ok(fields),
     }
 }
 
-fn has(fields: &[Wanted], goes: Goes) -> bool {
-    fields.iter().any(|field| field.goes == goes)
+fn has(fields: &[Wanted], to: Destination) -> bool {
+    fields.iter().any(|field| field.to == to)
 }
 
 /// The destination of a field after `columns` columns; None when it is not kept.
-fn goes(def: &FieldDef, keep: Keep, columns: usize) -> Result<Option<Goes>, String> {
+fn destination(def: &FieldDef, keep: Keep, columns: usize) -> Result<Option<Destination>, String> {
     let axis = AXES.iter().position(|axis| *axis == def.name);
     if def.count != 1 {
         return match axis.is_some() || is_attribute(&def.name) {
@@ -161,9 +161,9 @@ fn goes(def: &FieldDef, keep: Keep, columns: usize) -> Result<Option<Goes>, Stri
         };
     }
     Ok(match axis {
-        Some(axis) => Some(Goes::Axis(axis)),
-        None if def.name == RANGE_SD.name => Some(Goes::RangeSd),
-        None => (keep == Keep::All && !def.is_padding()).then_some(Goes::Column(columns)),
+        Some(axis) => Some(Destination::Axis(axis)),
+        None if def.name == RANGE_SD.name => Some(Destination::RangeSd),
+        None => (keep == Keep::All && !def.is_padding()).then_some(Destination::Column(columns)),
     })
 }
 
@@ -192,14 +192,14 @@ struct Read {
 impl Read {
     /// Room for the fields of all points. Their count has been checked against the file.
     fn new(fields: &[Wanted], meta: &PcdMeta, length: usize) -> Result<Self, String> {
-        let each: usize = fields.iter().map(|field| field.goes.size(field.kind)).sum();
+        let each: usize = fields.iter().map(|field| field.to.size(field.kind)).sum();
         check_growth(meta.num_points.saturating_mul(each as u64), length as u64)?;
         let count = meta.num_points as usize;
-        let is_column = |field: &&Wanted| matches!(field.goes, Goes::Column(_));
+        let is_column = |field: &&Wanted| matches!(field.to, Destination::Column(_));
         let column = |field: &Wanted| Column::new(&field.name, field.kind, count);
         Ok(Self {
             points: vec![Point3::origin(); count],
-            range_sds: has(fields, Goes::RangeSd).then(|| vec![0.0; count]),
+            range_sds: has(fields, Destination::RangeSd).then(|| vec![0.0; count]),
             columns: fields.iter().filter(is_column).map(column).collect(),
         })
     }
@@ -207,10 +207,10 @@ impl Read {
     /// Stores the number of a field at a point. Columns must get their points in order.
     fn put(&mut self, field: &Wanted, point: usize, bytes: [u8; 8]) {
         let number = || field.kind.value(bytes) as f32;
-        match field.goes {
-            Goes::Axis(axis) => self.points[point][axis] = number(),
-            Goes::RangeSd => self.range_sds.iter_mut().for_each(|sds| sds[point] = number()),
-            Goes::Column(column) => self.columns[column].push_number(bytes),
+        match field.to {
+            Destination::Axis(axis) => self.points[point][axis] = number(),
+            Destination::RangeSd => self.range_sds.iter_mut().for_each(|sds| sds[point] = number()),
+            Destination::Column(column) => self.columns[column].push_number(bytes),
         }
     }
 
@@ -353,7 +353,7 @@ mod tests {
 
     use super::*;
 
-    /// A file of pcd-rs, and its own way to read it.
+    /// Compressed file written by pcd-rs.
     fn written(kinds: [ValueKind; 3], rows: &[[f64; 3]]) -> Vec<u8> {
         let schema = Schema::from_iter([
             ("intensity", ValueKind::U16, 1),
@@ -392,7 +392,7 @@ mod tests {
     }
 
     #[test]
-    fn what_pcd_rs_packs_is_unpacked_to_the_same_points() {
+    fn data_packed_by_pcd_rs_unpack_to_the_same_points() {
         let rows: Vec<[f64; 3]> = (0..30_000)
             .map(|i| [f64::from(i % 977) * 0.37, f64::from(i / 3), f64::from(i % 5) - 2.5])
             .collect();
@@ -440,7 +440,8 @@ mod tests {
              HEIGHT 1\nPOINTS {points}\nDATA binary_compressed\n"
         );
         let sizes = [packed.len() as u32, 3 * points].map(u32::to_le_bytes).concat();
-        let said = parse(&[head.as_bytes(), &sizes, &packed].concat(), Keep::Points).unwrap_err();
-        assert!(said.contains("at most 6 times its size"), "{said}");
+        let message =
+            parse(&[head.as_bytes(), &sizes, &packed].concat(), Keep::Points).unwrap_err();
+        assert!(message.contains("at most 6 times its size"), "{message}");
     }
 }

@@ -14,7 +14,7 @@ pub type Pose = Isometry3<f64>;
 /// Largest entry of `RᵀR - I` allowed in a rotation from a file: six printed digits, with room.
 const RIGID_TOLERANCE: f64 = 1e-3;
 
-/// Why a 4×4 matrix is not a rigid motion.
+/// Reason why a 4×4 matrix is not a rigid motion.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NotRigid {
     /// An entry is infinite or not a number.
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_that_moved_forward_sees_the_old_scan_ahead_of_nothing() {
+    fn the_second_sensor_lies_at_its_offset_in_the_frame_of_the_first() {
         // The second sensor stands 2 m ahead, both look along world y: second's origin is at x = 2
         // of the first.
         let turn = Vector3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);

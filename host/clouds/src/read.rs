@@ -314,12 +314,12 @@ mod tests {
             write_cloud(&path, &cloud).unwrap();
             assert_eq!(read_cloud(&path).unwrap().0, Cloud { normals: None, ..cloud });
         }
-        let said = write_cloud(&folder.path().join("cloud.las"), &Cloud::default()).unwrap_err();
-        assert!(said.to_string().contains(".ply or .pcd"), "{said}");
+        let refusal = write_cloud(&folder.path().join("cloud.las"), &Cloud::default()).unwrap_err();
+        assert!(refusal.to_string().contains(".ply or .pcd"), "{refusal}");
     }
 
     /// Two points with every attribute, each number another.
-    fn told() -> Recorded {
+    fn with_every_attribute() -> Recorded {
         let points = vec![[0.1, -2.0, 3e7].into(), [1.0, 0.0, -0.0].into()];
         let others = ATTRIBUTES.iter().filter(|attribute| attribute.name != "range_sd");
         let column = |(i, attribute): (usize, &Attribute)| {
@@ -335,19 +335,19 @@ mod tests {
 
     #[test]
     fn every_attribute_reads_back_from_both_formats_with_its_kind() {
-        let told = told();
-        assert_eq!(told.columns.len(), 9);
+        let written = with_every_attribute();
+        assert_eq!(written.columns.len(), 9);
         for format in CloudFormat::ALL {
-            let bytes = format.bytes(&told.cloud, &told.columns);
+            let bytes = format.bytes(&written.cloud, &written.columns);
             let path = Path::new("a").with_extension(format.name());
-            assert_eq!(parse_recorded(&path, &bytes).unwrap().0, told, "{format:?}");
+            assert_eq!(parse_recorded(&path, &bytes).unwrap().0, written, "{format:?}");
             let (points, _) = parse_cloud(&path, &bytes).unwrap();
-            assert_eq!(points, told.cloud, "{format:?}");
+            assert_eq!(points, written.cloud, "{format:?}");
         }
     }
 
     #[test]
-    fn what_others_say_of_their_points_is_kept_whatever_it_is() {
+    fn every_column_of_a_foreign_file_is_kept() {
         let head = "VERSION 0.7\nFIELDS x normal_x y z id _ t desc a#b rgb\n\
                     SIZE 4 4 4 4 8 1 8 4 1 4\nTYPE F F F F U U F F I F\nCOUNT 1 1 1 1 1 3 1 2 1 1\n\
                     WIDTH 1\nHEIGHT 1\nPOINTS 1\nDATA binary\n";
@@ -379,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_stand_twice_or_that_no_header_takes_are_changed() {
+    fn names_that_occur_twice_or_that_no_header_takes_are_changed() {
         let mut columns: Vec<Column> = ["_", "x", "x", "a b\nc", "1st", "nx", "normal_x"]
             .iter()
             .map(|name| RING.column([1.0].into_iter()).named(name))
@@ -396,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn an_attribute_that_is_no_one_number_a_point_is_refused_by_name() {
+    fn an_attribute_without_exactly_one_number_a_point_is_refused_by_name() {
         let good = ["FIELDS x y z ring", "SIZE 4 4 4 2", "TYPE F F F U", "COUNT 1 1 1 1"];
         let pcd = |line: usize, words: &str| {
             let mut lines = good.map(str::to_owned);
@@ -434,8 +434,8 @@ mod tests {
         let pcd = |rows: &str| read("sd.pcd", &bytes(head, rows.as_bytes()));
         let (cloud, dropped) = pcd("nan nan nan nan\n0 0 0 -1\n1 2 3 0.25\n").unwrap();
         assert_eq!((cloud.range_sd_m, dropped.total()), (Some(vec![0.25]), 2));
-        let said = pcd("nan nan nan nan\n0 0 1 nan\n1 2 3 0.25\n").unwrap_err().to_string();
-        assert!(said.contains("range_sd of point 1") && said.contains("NaN"), "{said}");
+        let refusal = pcd("nan nan nan nan\n0 0 1 nan\n1 2 3 0.25\n").unwrap_err().to_string();
+        assert!(refusal.contains("range_sd of point 1") && refusal.contains("NaN"), "{refusal}");
     }
 
     #[test]

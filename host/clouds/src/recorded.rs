@@ -16,7 +16,7 @@ pub(crate) const NORMALS: [[&str; 3]; 2] =
 pub(crate) enum Keep {
     /// The fields of a [`Cloud`].
     Points,
-    /// Everything that is said of each point.
+    /// Those and every other number of each point.
     All,
 }
 
@@ -49,12 +49,12 @@ impl Recorded {
         dropped
     }
 
-    /// Moves the points and turns their normals, those among the columns too. Other columns stay:
-    /// σ_R is along the beam, and the beam moves with the points.
-    pub fn transform(&mut self, to_from_here: &Pose) {
+    /// Moves the points from their frame to a new one and turns their normals, those among the
+    /// columns too. Other columns stay: σ_R is along the beam, and the beam moves with the points.
+    pub fn transform(&mut self, new_from_old: &Pose) {
         let cloud = &mut self.cloud;
-        cloud.points.iter_mut().for_each(|p| *p = (to_from_here * p.cast::<f64>()).cast());
-        let turned = |n: Vector3<f64>| to_from_here.rotation * n;
+        cloud.points.iter_mut().for_each(|p| *p = (new_from_old * p.cast::<f64>()).cast());
+        let turned = |n: Vector3<f64>| new_from_old.rotation * n;
         for normal in cloud.normals.iter_mut().flatten() {
             *normal = turned(normal.cast()).cast();
         }

@@ -63,6 +63,7 @@ impl Choices {
             caution: 1.0,
             gamma: 0.0,
             still: 0,
+            // As the window of the CMA-ES tutorial's test for equal function values.
             patience: 10 + (30 * n).div_ceil(lambda),
         }
     }

@@ -16,7 +16,7 @@ pub struct Attribute {
 }
 
 impl Attribute {
-    /// A column of it, from values in its unit.
+    /// Column of this attribute, from one value per point in its unit.
     #[must_use]
     pub fn column(&self, values: impl ExactSizeIterator<Item = f64>) -> Column {
         let mut column = Column::new(self.name, self.kind, values.len());
@@ -25,7 +25,7 @@ impl Attribute {
     }
 }
 
-/// Named as in PCL's `PointXYZI` and the drivers of Velodyne and Ouster.
+/// Amplitude, named as in PCL's `PointXYZI` and the drivers of Velodyne and Ouster.
 pub const INTENSITY: Attribute = Attribute {
     name: "intensity",
     kind: NumberType::F32,
@@ -33,12 +33,12 @@ pub const INTENSITY: Attribute = Attribute {
     what: "amplitude over ambient; a lower bound if saturated",
 };
 
-/// Named as in Ouster's driver, whose values are counts.
+/// Reflectance, named as in Ouster's driver, whose values are counts.
 pub const REFLECTIVITY: Attribute = Attribute {
     name: "reflectivity",
     kind: NumberType::F32,
     unit: "white = 1",
-    what: "of a Lambertian surface square to the beam; 63.999 means at least that",
+    what: "reflectance of a Lambertian surface square to the beam; 63.999 means at least that",
 };
 
 /// σ_R, by which registration weighs points.
@@ -57,12 +57,12 @@ pub const SNR: Attribute = Attribute {
     what: "height over the noise's σ, both after the filter; 255.996 means at least that",
 };
 
-/// Named as in RIEGL's clouds.
+/// Width of the echo, named as in RIEGL's clouds.
 pub const PULSE_WIDTH: Attribute = Attribute {
     name: "pulse_width",
     kind: NumberType::F32,
     unit: "ns",
-    what: "of the echo, at half height after the filter",
+    what: "width of the echo at half height, after the filter",
 };
 
 /// The flags byte of the link.
@@ -73,7 +73,7 @@ pub const FLAGS: Attribute = Attribute {
     what: "1 saturated, 2 merged, 4 low confidence, 8 walk-corrected, 16 truncated",
 };
 
-/// Named as in the drivers of Velodyne, Ouster, Hesai and RoboSense.
+/// Row of the beam, named as in the drivers of Velodyne, Ouster, Hesai and RoboSense.
 pub const RING: Attribute = Attribute {
     name: "ring",
     kind: NumberType::U16,
@@ -81,29 +81,29 @@ pub const RING: Attribute = Attribute {
     what: "row of the beam, 0 the lowest; of a table its channel",
 };
 
-/// Named as in Ouster's scans.
+/// Azimuth index, named as in Ouster's scans.
 pub const COLUMN: Attribute = Attribute {
     name: "column",
     kind: NumberType::U16,
     unit: "",
-    what: "azimuth index of the beam, 0 the first; of a rosette or a table the how manieth of its \
-           ring; 65,535 means at least that",
+    what: "azimuth index of the beam, from 0; of a rosette or a table the index of the point \
+           within its ring, from 0; 65,535 means at least that",
 };
 
-/// Named as in SICK's driver.
+/// Index of the echo, named as in SICK's driver.
 pub const ECHO: Attribute = Attribute {
     name: "echo",
     kind: NumberType::U8,
     unit: "",
-    what: "number of the echo among those reported of its beam, 0 the nearest",
+    what: "index of the echo among those reported for its beam, 0 the nearest",
 };
 
-/// Named as in Velodyne's driver.
+/// Firing time, named as in Velodyne's driver.
 pub const TIME: Attribute = Attribute {
     name: "time",
     kind: NumberType::F32,
     unit: "s",
-    what: "when the beam was fired, from the beginning of the scan",
+    what: "time at which the beam was fired, from the beginning of the scan",
 };
 
 /// All attributes, in the order of our files.

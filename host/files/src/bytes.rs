@@ -4,11 +4,11 @@ use std::fs::File;
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
 
-/// Most bytes of a file written by hand: a configuration, a pose, a candidate. A TOML table of it
-/// takes up to 100 times as many.
+/// Most bytes of a file written by hand: a configuration, a pose, a candidate. Its TOML table takes
+/// up to 100 times as much memory.
 pub const MOST_TEXT: u64 = 512 << 10;
 
-/// Most bytes read from a pipe, whose size nobody knows.
+/// Most bytes read from a pipe, whose size is unknown.
 const MOST_PIPED: u64 = 4 << 30;
 
 /// Most bytes of a line, for readers that list the words of a line before they read them.
@@ -65,7 +65,7 @@ pub fn text_from(from: impl Read, most: u64) -> Result<String> {
     let bytes = read_most(from, most)?;
     let not_text = |error: std::string::FromUtf8Error| {
         let at = error.utf8_error().valid_up_to();
-        Error::new(ErrorKind::InvalidData, format!("expected text in UTF-8, byte {at} is none"))
+        Error::new(ErrorKind::InvalidData, format!("expected text in UTF-8, byte {at} is not"))
     };
     String::from_utf8(bytes).map_err(not_text)
 }

@@ -1,6 +1,16 @@
 //! Reading files that anybody may have written: bounded memory, short refusals, PLY, and columns of
 //! numbers.
 //!
+//! ```
+//! use std::path::Path;
+//!
+//! use echoloop_files::{MOST_TEXT, one_line, read_text};
+//!
+//! let text = read_text(Path::new("Cargo.toml"), MOST_TEXT)?; // refused if longer than 512 kB
+//! println!("{}", one_line(&text)); // cannot move the cursor of a terminal
+//! # Ok::<(), std::io::Error>(())
+//! ```
+//!
 //! | to | take |
 //! |---|---|
 //! | read a whole file within a bound | [`read_data`], [`read_text`], [`text_from`] |

@@ -31,7 +31,7 @@ pub struct Body<'a> {
 ///
 /// # Errors
 ///
-/// A message: not a PLY file, a header without an end, or a name that stands twice.
+/// A message: not a PLY file, a header without an end, or a name that occurs twice.
 pub fn header(bytes: &[u8]) -> Result<(Header, Reader<&[u8]>), String> {
     check_names(&bytes[..bytes.len().min(MOST_HEADER)])?;
     let mut reader = Reader::new(bytes);
@@ -297,8 +297,8 @@ fn ended(error: &ParseError, element: &ElementDef) -> String {
     }
 }
 
-/// Refuses a name that stands twice, of elements in the file or of properties in an element. The
-/// parser would keep the last one at the place of the first, and shift all numbers between.
+/// Refuses a name that two elements of the file, or two properties of an element, share. The parser
+/// would keep the last one at the place of the first, and shift all numbers between.
 fn check_names(start: &[u8]) -> Result<(), String> {
     let (mut elements, mut properties) = (HashSet::new(), HashSet::new());
     for line in start.split(|&byte| byte == b'\n' || byte == b'\r') {
@@ -395,15 +395,15 @@ mod tests {
     }
 
     #[test]
-    fn a_name_that_stands_twice_is_refused() {
+    fn a_name_that_occurs_twice_is_refused() {
         let start = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n";
         for (more, name) in [
             (format!("property uchar x\n{XYZ}"), "\"x\""),
             (format!("property list uchar int x\n{XYZ}"), "\"x\""),
             (format!("property float y\nelement vertex 1\n{XYZ}"), "\"vertex\""),
         ] {
-            let said = vertices(&format!("{start}{more}1 1 1 1\n")).unwrap_err();
-            assert!(said.contains(name) && said.contains("twice"), "{said}");
+            let message = vertices(&format!("{start}{more}1 1 1 1\n")).unwrap_err();
+            assert!(message.contains(name) && message.contains("twice"), "{message}");
         }
         let text = format!(
             "ply\nformat ascii 1.0\nelement a 0\nproperty int x\nelement vertex 1\n{XYZ}1 2 3\n"
@@ -412,7 +412,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_bounds_is_refused_in_few_words() {
+    fn a_text_without_bounds_is_refused_in_few_words() {
         let start = "ply\nformat ascii 1.0\nelement vertex 1\n";
         let table = [
             (format!("ply\n{}", "comment a\n".repeat(200_000)), "no end_header"),
@@ -426,9 +426,9 @@ mod tests {
             (format!("ply\nformat ascii 1.0\nelement vertex {}\n{XYZ}", u64::MAX), "promises"),
         ];
         for (text, part) in table {
-            let said = vertices(&text).unwrap_err();
-            assert!(said.contains(part) && said.len() < 1500, "{said}");
-            assert!(!said.contains('\x1b'), "{said}");
+            let message = vertices(&text).unwrap_err();
+            assert!(message.contains(part) && message.len() < 1500, "{message}");
+            assert!(!message.contains('\x1b'), "{message}");
         }
     }
 }

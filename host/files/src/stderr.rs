@@ -5,19 +5,19 @@ use std::io::Write;
 
 use crate::printable;
 
-/// Characters of a message at most; paths alone may take four thousand each.
-const MOST_SAID: usize = 8192;
+/// Most characters of a message: room for two paths of the longest kind.
+const MOST_PRINTED: usize = 8192;
 
-/// Says a line or a few. A standard error that takes nothing, full or closed, is no reason to end:
-/// then nobody hears it.
+/// Writes a line or a few to standard error. Errors are ignored: a full or closed standard error is
+/// no reason to end the program.
 pub fn say(text: impl Display) {
     let _ = writeln!(std::io::stderr().lock(), "{}", bounded(&text.to_string()));
 }
 
-/// A message without control characters but its line ends, cut where nobody reads on.
+/// Message without control characters except line ends, cut after 8192 characters.
 pub fn bounded(text: &str) -> String {
     let text = printable(text);
-    match text.char_indices().nth(MOST_SAID) {
+    match text.char_indices().nth(MOST_PRINTED) {
         Some((end, _)) => format!("{}…", &text[..end]),
         None => text,
     }
@@ -28,8 +28,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_said_moves_no_cursor_and_ends() {
+    fn a_message_moves_no_cursor_and_is_cut() {
         assert_eq!(bounded("a\n\x1b[2Jb"), "a\n\\u{1b}[2Jb");
-        assert_eq!(bounded(&"x".repeat(1_000_000)).chars().count(), MOST_SAID + 1);
+        assert_eq!(bounded(&"x".repeat(1_000_000)).chars().count(), MOST_PRINTED + 1);
     }
 }

@@ -17,7 +17,7 @@ impl Receiver {
     /// State of the channel that receives a beam: the channel of the beam's row if rows are known,
     /// else one for each beam.
     ///
-    /// Whether a channel is dead or weak is drawn once per channel and the same in every scan.
+    /// The state is drawn once per channel and is the same in every scan.
     pub fn channel(&self, beam: u32) -> Channel {
         if self.dead_channels == 0.0 && self.weak_channels == 0.0 {
             return Channel::Alive(1.0);

@@ -33,11 +33,11 @@
 //! The equations and their sources are in benches/record/physics.md, the switches in
 //! benches/record/front-end.md.
 
-mod adc;
 mod aerosol;
 mod backscatter;
 mod board;
 mod channel;
+mod digitiser;
 mod exposure;
 mod hydrometeors;
 mod light;

@@ -7,7 +7,7 @@
 
 use echoloop_random::{Stream, normals};
 
-use crate::adc::ROUND;
+use crate::digitiser::ROUND;
 use crate::exposure::{Exposure, ShotBuffers};
 use crate::pulse::Pulse;
 

@@ -54,7 +54,7 @@ section! {
         irradiance_w_m2_nm: f64, "W/m²/nm", Must::between(0.0, 10.0),
             "E_λ, sunlight on the scene, W/m²/nm.";
         background_reflectance: f64, "", Must::between(0.0, 1.0),
-            "ρ_b, reflectance of what the ambient light comes from.";
+            "ρ_b, reflectance of the surfaces that return the ambient light.";
         divergence_mrad: [f64; 2], "mrad", Must::between(0.0, 100.0),
             "Beam divergence, which is also the field of view of a pixel, mrad.";
         subrays: u8, "", Must::odd(1.0, 15.0),
@@ -62,13 +62,13 @@ section! {
         full_scale_ua: f64, "µA", Must::above(0.0, 1e6),
             "Current that fills the converter at 0 dB, µA.";
         analog_limit: f64, "of full scale", Must::above(0.0, 10.0),
-            "Where the amplifier clips, as a fraction of the converter's full scale.";
+            "Level at which the amplifier clips, as a fraction of the converter's full scale.";
         adc_bits: u32, "bits", Must::between(8.0, 14.0),
             "b, bits of the converter.";
         extinction_per_m: f64, "1/m", Must::between(0.0, 10.0),
             "α of clear air, 1/m; that of the weather comes on top.";
         mode: Mode, "", Must::Name(&["physical", "litl-compat"]),
-            "What waveforms are made of: `physical`, or `litl-compat`, arbitrary units with \
+            "Model that makes the waveforms: `physical`, or `litl-compat`, arbitrary units with \
              Poisson noise.";
         timing_jitter_ns: f64, "ns", Must::between(0.0, 10.0),
             "Spread of the moment at which the pulse leaves, from shot to shot, ns rms.";
@@ -79,12 +79,12 @@ section! {
             "Fraction of the channels that lose `weak_channel_db` of the light; with the dead ones \
              no more than all.";
         weak_channel_db: f64, "dB", Must::between(0.0, 60.0),
-            "How much of the light weak channels lose, dB of optical power.";
+            "Loss of light in weak channels, dB of optical power.";
         channel_seed: u64, "", Must::SEED,
-            "Decides which channels are dead or weak; the same in every scan.";
+            "Seed that decides which channels are dead or weak; the same in every scan.";
         overload_tail: f64, "", Must::between(0.0, 1.0),
-            "Tail of an amplifier that was overloaded, as a fraction of what it could not follow; \
-             0: it recovers at once.";
+            "Tail of an overloaded amplifier, as a fraction of the excess over its limit; 0: it \
+             recovers at once.";
         overload_tail_ns: f64, "ns", Must::between(0.1, 1e4),
             "Time constant with which that tail decays, ns.";
     }

@@ -3,9 +3,9 @@
 use echoloop_dispatch::dispatch;
 use echoloop_random::{Key, normals, normals_baseline};
 
-use crate::adc::Amplifier;
 use crate::aerosol::Light;
 use crate::board::Analog;
+use crate::digitiser::Digitiser;
 use crate::exposure::{Exposure, ShotBuffers};
 use crate::pulse::Pulse;
 use crate::receiver::Receiver;
@@ -36,7 +36,7 @@ pub fn synthesise_baseline(exposure: &Exposure<'_>, buffers: &mut ShotBuffers, c
 pub(crate) struct Prepared {
     analog: Analog,
     samples: usize,
-    amplifier: Amplifier,
+    digitiser: Digitiser,
     pulse: Pulse,
     /// Peak current of a return of 1/m² in clear air, µA.
     unit_ua: f64,
@@ -48,7 +48,7 @@ impl Prepared {
         Self {
             analog: *analog,
             samples,
-            amplifier: Amplifier::new(receiver, analog, samples),
+            digitiser: Digitiser::new(receiver, analog, samples),
             pulse: Pulse::new(analog),
             unit_ua: receiver.peak_current_ua(analog.power_w, 0.0, 1.0),
             extinction_per_m: receiver.extinction_per_m(),
@@ -116,7 +116,7 @@ fn render_with(
         shot.lit.push(prepared.pulse.add(range_m, current_ua, shot.signal_ua));
     }
     normals(key, shot.normal);
-    prepared.amplifier.convert(shot.lit, shot.signal_ua, shot.normal, codes);
+    prepared.digitiser.convert(shot.lit, shot.signal_ua, shot.normal, codes);
     shot.end();
 }
 

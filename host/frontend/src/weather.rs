@@ -29,7 +29,7 @@ section! {
     #[serde(deny_unknown_fields, default)]
     pub struct Weather in "weather" {
         kind: Precipitation, "", Must::Name(&["none", "fog", "rain", "snow", "wet-snow"]),
-            "What falls or floats: `none`, `fog`, `rain`, `snow` (dry) or `wet-snow`.";
+            "Kind of weather: `none`, `fog`, `rain`, `snow` (dry) or `wet-snow`.";
         visibility_m: f64, "m", Must::Cases(&[Case { when: FOG, range: Range::new(6.0, 998.0) }]),
             "MOR, meteorological optical range of fog, m: 6 to 998 are α 0.5 to 0.003 /m.";
         rate_mm_h: f64, "mm/h", Must::Cases(&[
@@ -190,15 +190,15 @@ mod tests {
 
     #[test]
     fn a_value_out_of_bounds_is_refused_only_in_weather_that_uses_it() {
-        let said = |weather: Weather| weather.check().map_err(|fault| fault.to_string());
+        let refusal = |weather: Weather| weather.check().map_err(|fault| fault.to_string());
         let fog = Weather { kind: Precipitation::Fog, visibility_m: 1.0, rate_mm_h: -1.0 };
-        assert_eq!(said(fog), Err("weather.visibility_m = 1 must be 6 to 998 in fog".into()));
+        assert_eq!(refusal(fog), Err("weather.visibility_m = 1 must be 6 to 998 in fog".into()));
         let rain = Weather { kind: Precipitation::Rain, ..fog };
-        assert_eq!(said(rain), Err("weather.rate_mm_h = -1 must be 0.1 to 200 in rain".into()));
+        assert_eq!(refusal(rain), Err("weather.rate_mm_h = -1 must be 0.1 to 200 in rain".into()));
         let snow = Weather { kind: Precipitation::WetSnow, rate_mm_h: 50.1, ..fog };
-        assert_eq!(said(snow), Err("weather.rate_mm_h = 50.1 must be 0.1 to 50 in snow".into()));
-        assert!(said(Weather { rate_mm_h: f64::NAN, ..rain }).is_err());
-        assert_eq!(said(Weather { kind: Precipitation::None, ..fog }), Ok(()));
-        assert_eq!(said(Weather::default()), Ok(()));
+        assert_eq!(refusal(snow), Err("weather.rate_mm_h = 50.1 must be 0.1 to 50 in snow".into()));
+        assert!(refusal(Weather { rate_mm_h: f64::NAN, ..rain }).is_err());
+        assert_eq!(refusal(Weather { kind: Precipitation::None, ..fog }), Ok(()));
+        assert_eq!(refusal(Weather::default()), Ok(()));
     }
 }

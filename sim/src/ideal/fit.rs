@@ -34,11 +34,12 @@ pub(super) fn shape(u: f64, width: f64) -> [f64; 2] {
     [0.5 + 0.5 * libm::cos(turn * u), -0.5 * turn * libm::sin(turn * u)]
 }
 
-/// Fits of all pulses at most; again when a step changes which of them overlap.
+/// Largest number of fits of all pulses: they are fitted again when a fit changes which of them
+/// overlap.
 const MAX_FITS: usize = 3;
-/// Steps of one fit at most.
+/// Largest number of steps of one fit.
 const MAX_STEPS: usize = 40;
-/// Least step in time that continues a fit, in pulse widths.
+/// Smallest step in time that continues a fit, in pulse widths.
 const MIN_STEP: f64 = 1e-7;
 
 /// Order by falling amplitude, then by rising time.
@@ -90,7 +91,7 @@ pub(super) fn misfit(
 
 /// Steps of amplitude over which a clipped pulse is averaged.
 const AMPLITUDES: usize = 40;
-/// Ratio of the greatest of these amplitudes to the clipping level, at least.
+/// Smallest ratio of the greatest of these amplitudes to the clipping level.
 const MIN_TIMES: f64 = 4.0;
 /// Newton steps for the time of one amplitude.
 const TIME_STEPS: usize = 8;

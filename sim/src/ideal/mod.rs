@@ -28,7 +28,7 @@ use candidates::{Finder, MAX_PULSES};
 use fit::{FittedPulse, strongest_first};
 use samples::Samples;
 
-/// Searches of the residual at most.
+/// Largest number of searches of the residual.
 const SEARCHES: usize = 4;
 
 /// Least amplitude of an echo relative to one that it overlaps: a smaller one may be the tail of a

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 use base64::Engine;
-use echoloop_files::shown;
+use echoloop_files::one_line;
 use gltf::accessor::{Accessor, DataType, Dimensions};
 use gltf::buffer::Source;
 use gltf::mesh::{Mode, Primitive};
@@ -20,12 +20,13 @@ use crate::scene::{Mesh, MeshFault, Surface};
 /// Opens a file by the URI that the mesh gives for it.
 pub(super) type OpenFile<'a> = dyn FnMut(&str) -> Result<Vec<u8>, String> + 'a;
 
-/// JSON objects of a document at most: each takes memory, however few bytes it has in the file.
+/// Largest number of JSON objects of a document: each takes memory, however few bytes it has in the
+/// file.
 const MAX_OBJECTS: usize = 1 << 17;
-/// Commas of a document at most: they separate its numbers and names.
+/// Largest number of commas of a document: they separate its numbers and names.
 const MAX_COMMAS: usize = 1 << 19;
-/// Vertices and triangles at most, in addition to a quarter of the bytes: nodes may repeat one
-/// mesh.
+/// Number of vertices and triangles that a mesh may have beyond one per four bytes of its file:
+/// nodes may repeat one mesh.
 const MAX_REPEATED: usize = 1 << 20;
 
 /// Reads the default scene; the first where none is marked; all nodes where there is no scene.
@@ -41,10 +42,10 @@ pub(super) fn read(bytes: &[u8], open: &mut OpenFile<'_>, default: Surface) -> R
     });
     let textures = textures.collect();
     let mut reader = Reader { buffers, textures, mesh: Mesh::default(), most, default };
-    let mut shown = vec![false; gltf.nodes().len()];
+    let mut visited = vec![false; gltf.nodes().len()];
     let mut pending: Vec<PlacedNode<'_>> = roots(&gltf).into_iter().map(PlacedNode::root).collect();
     while let Some(place) = pending.pop() {
-        if std::mem::replace(&mut shown[place.node.index()], true) {
+        if std::mem::replace(&mut visited[place.node.index()], true) {
             let node = place.node.index();
             return Err(Fault::Format(format!(
                 "node {node} has two parents or is its own ancestor"
@@ -74,10 +75,10 @@ fn document(bytes: &[u8]) -> Result<Gltf, String> {
     }
     let message = |error| match error {
         gltf::Error::Validation(faults) => match faults.first() {
-            Some((path, fault)) => shown(&format!("{path}: {fault}")),
+            Some((path, fault)) => one_line(&format!("{path}: {fault}")),
             None => "it is not valid".into(),
         },
-        error => shown(&error.to_string()),
+        error => one_line(&error.to_string()),
     };
     let unchecked = Gltf::from_slice_without_validation(bytes).map_err(message)?;
     check_attributes(unchecked.as_json())?;
@@ -193,7 +194,7 @@ struct Reader {
     /// Surfaces by the names of the textures.
     textures: Vec<Option<Surface>>,
     mesh: Mesh,
-    /// Vertices and triangles at most.
+    /// Largest number of vertices and triangles.
     most: usize,
     default: Surface,
 }
@@ -460,7 +461,7 @@ mod tests {
     }
 
     #[test]
-    fn a_node_that_is_its_own_child_or_shown_twice_is_refused() {
+    fn a_node_that_is_its_own_child_or_has_two_parents_is_refused() {
         let circle = r#"{"children":[1]},{"children":[0],"mesh":0}"#;
         assert!(message(&document(circle, "0", "{}")).contains("two parents"));
         assert!(message(&document(r#"{"mesh":0}"#, "0,0", "{}")).contains("two parents"));

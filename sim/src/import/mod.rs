@@ -65,10 +65,10 @@ impl Default for ImportOptions {
     }
 }
 
-/// Why a file is not a scene.
+/// Reason why a file is not a scene.
 #[derive(Debug, Error)]
 pub enum ImportError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     Unreadable {
         /// The file.
@@ -76,13 +76,13 @@ pub enum ImportError {
         /// Error of the system.
         source: std::io::Error,
     },
-    /// Its extension is none of the formats'.
+    /// No format has its extension.
     #[error("{} is not a .ply, .obj, .gltf, .glb or .stl file", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,
     },
-    /// It does not follow its format.
+    /// The file does not follow its format.
     #[error("{} is not a {format} mesh: {what}", path.display())]
     Malformed {
         /// The file.
@@ -92,7 +92,7 @@ pub enum ImportError {
         /// The fault: expected, found, and where.
         what: String,
     },
-    /// It follows its format, but cannot be scanned.
+    /// The file follows its format, but its mesh cannot be scanned.
     #[error("{} cannot be scanned: {fault}", path.display())]
     Unusable {
         /// The file.
@@ -119,7 +119,7 @@ pub fn load_scene(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
 ///
 /// # Errors
 ///
-/// As of [`load_scene`].
+/// As for [`load_scene`].
 pub fn parse_scene(
     path: &Path,
     bytes: &[u8],

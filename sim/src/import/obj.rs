@@ -11,7 +11,7 @@ use super::fan::Fan;
 use super::fault::Fault;
 use super::referenced_files::keyword;
 use crate::scene::{Mesh, MeshFault, Surface};
-use echoloop_files::shown;
+use echoloop_files::one_line;
 
 /// Reads the files of an `mtllib` line: surfaces of materials by name.
 pub(super) type OpenLibrary<'a> = dyn FnMut(&str) -> Result<Vec<(String, Surface)>, String> + 'a;
@@ -132,7 +132,7 @@ impl Reader {
     /// Index of the position of a corner; it may be defined after the face.
     fn corner(&self, word: &str) -> Result<u32, Fault> {
         let number = vertex_number(word).ok_or_else(|| {
-            let word = shown(word);
+            let word = one_line(word);
             Fault::Format(format!("expected a vertex number as 7, 7/1, 7//2 or -1, found {word:?}"))
         })?;
         // 1 is the first position of the file, -1 the last one read so far.

@@ -13,13 +13,13 @@ use std::fs;
 use std::path::{Component, Path, PathBuf};
 
 use crate::scene::Surface;
-use echoloop_files::{read_text, shown};
+use echoloop_files::{one_line, read_text};
 
-/// Material libraries of a mesh, at most.
+/// Largest number of material libraries of a mesh.
 const MAX_LIBRARIES: usize = 16;
-/// Names on its `mtllib` lines, at most: each is a look-up in the file system.
+/// Largest number of names on its `mtllib` lines: each is a look-up in the file system.
 const MAX_NAMES: usize = 1024;
-/// Bytes of all its libraries, at most.
+/// Largest size of all its libraries, bytes.
 const MAX_BYTES: u64 = 16 << 20;
 
 /// Files that a mesh may open: the material libraries of an OBJ, where a missing one is no fault,
@@ -86,7 +86,10 @@ impl<'a> ReferencedFiles<'a> {
             return Ok(false);
         }
         if self.requested.len() == MAX_NAMES {
-            return Err(format!("mtllib {:?} is one of more than {MAX_NAMES} names", shown(name)));
+            return Err(format!(
+                "mtllib {:?} is one of more than {MAX_NAMES} names",
+                one_line(name)
+            ));
         }
         Ok(self.requested.insert(name.to_owned()))
     }
@@ -98,7 +101,7 @@ impl<'a> ReferencedFiles<'a> {
         }
         let Some(path) = self.resolve("mtllib", name)? else { return Ok(None) };
         if self.opened.len() == MAX_LIBRARIES && !self.opened.contains(&path) {
-            return Err(format!("mtllib {:?} is one of more than {MAX_LIBRARIES}", shown(name)));
+            return Err(format!("mtllib {:?} is one of more than {MAX_LIBRARIES}", one_line(name)));
         }
         Ok(self.opened.insert(path.clone()).then_some(path))
     }
@@ -106,7 +109,7 @@ impl<'a> ReferencedFiles<'a> {
     /// Path of a name, if the file exists and the mesh may open it.
     fn resolve(&self, what: &str, name: &str) -> Result<Option<PathBuf>, String> {
         let outside_folder = || {
-            let name = shown(name);
+            let name = one_line(name);
             Err(format!(
                 "{what} {name:?} lies in another folder than the mesh: scene.libraries = \
                  \"anywhere\" reads it, and \"none\" reads no library"
@@ -124,7 +127,7 @@ impl<'a> ReferencedFiles<'a> {
         }
         match fs::metadata(&path).is_ok_and(|found| found.is_file()) {
             true => Ok(Some(path)),
-            false => Err(format!("{what} {:?} is no regular file", shown(name))),
+            false => Err(format!("{what} {:?} is not a regular file", one_line(name))),
         }
     }
 
@@ -132,12 +135,12 @@ impl<'a> ReferencedFiles<'a> {
     /// it.
     pub(super) fn buffer(&mut self, uri: &str) -> Result<Vec<u8>, String> {
         let path = self.buffer_file(uri)?;
-        fs::read(&path).map_err(|error| format!("buffer {:?}: {error}", shown(uri)))
+        fs::read(&path).map_err(|error| format!("buffer {:?}: {error}", one_line(uri)))
     }
 
     /// Path of a buffer of a glTF.
     pub(super) fn buffer_file(&mut self, uri: &str) -> Result<PathBuf, String> {
-        let name = shown(uri);
+        let name = one_line(uri);
         if self.which == Libraries::None {
             return Err(format!("buffer {name:?} is not read with scene.libraries = \"none\""));
         }
@@ -154,7 +157,7 @@ impl<'a> ReferencedFiles<'a> {
     }
 
     fn read(&mut self, path: &Path, name: &str) -> Result<Vec<(String, Surface)>, String> {
-        let named = |what: &dyn std::fmt::Display| format!("mtllib {:?}: {what}", shown(name));
+        let named = |what: &dyn std::fmt::Display| format!("mtllib {:?}: {what}", one_line(name));
         self.bytes += fs::metadata(path).map_err(|error| named(&error))?.len();
         if self.bytes > MAX_BYTES {
             let most = MAX_BYTES >> 20;
@@ -294,7 +297,7 @@ mod tests {
             ("/etc/passwd", "another folder"),
             ("http://example.org/a.bin", "no file beside"),
             ("file:///etc/passwd", "no file beside"),
-            ("below", "no regular file"),
+            ("below", "not a regular file"),
             ("a%zz", "not written in UTF-8"),
             ("a%2", "not written in UTF-8"),
         ];
@@ -312,13 +315,13 @@ mod tests {
         let home = outer.path().join("mesh");
         let message =
             ReferencedFiles::new(&home, Libraries::Anywhere).open("/dev/zero").unwrap_err();
-        assert!(message.contains("no regular file"), "{message}");
+        assert!(message.contains("not a regular file"), "{message}");
         let made = std::process::Command::new("mkfifo").arg(home.join("pipe.mtl")).status();
         assert!(made.is_ok_and(|made| made.success()));
         let message = ReferencedFiles::new(&home, Libraries::Beside).open("pipe.mtl").unwrap_err();
-        assert!(message.contains("no regular file"), "{message}");
+        assert!(message.contains("not a regular file"), "{message}");
         let message = ReferencedFiles::new(&home, Libraries::Beside).open("below").unwrap_err();
-        assert!(message.contains("no regular file"), "{message}");
+        assert!(message.contains("not a regular file"), "{message}");
     }
 
     #[test]

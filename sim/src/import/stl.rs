@@ -4,7 +4,7 @@
 //! binary file whose header begins with "solid" for text, and splits a line into words however long
 //! it is.
 
-use echoloop_files::shown;
+use echoloop_files::one_line;
 
 use super::fault::Fault;
 use super::obj::three;
@@ -101,8 +101,10 @@ impl Reader {
                 self.solid = None;
                 Ok(())
             }
-            (_, None) => Err(format!("expected solid, found {:?}", shown(word))),
-            (_, Some(_)) => Err(format!("expected a facet or endsolid, found {:?}", shown(word))),
+            (_, None) => Err(format!("expected solid, found {:?}", one_line(word))),
+            (_, Some(_)) => {
+                Err(format!("expected a facet or endsolid, found {:?}", one_line(word)))
+            }
         }
     }
 

@@ -87,7 +87,7 @@ fn facing([a, b, c]: [[f32; 3]; 3], direction: [f32; 3]) -> [f32; 3] {
     normal.map(|part| side * part / length)
 }
 
-/// Colour of the sky from the horizon up; below the horizon as at it.
+/// Colour of the sky: `HORIZON`'s from 30° below the horizon, `ZENITH`'s from 30° above it.
 fn sky(direction: [f32; 3]) -> Linear {
     let height = (0.5 + direction[2]).clamp(0.0, 1.0);
     mix(HORIZON, ZENITH, height)

@@ -1,4 +1,4 @@
-//! Why a file is not a road network.
+//! Reasons why a file is not a road network.
 
 use std::path::PathBuf;
 
@@ -46,11 +46,11 @@ pub enum RoadFault {
 
 impl RoadFault {
     pub(super) fn of(road: &str, what: impl Into<String>) -> Self {
-        Self::Road { road: echoloop_files::shown(road), what: what.into() }
+        Self::Road { road: echoloop_files::one_line(road), what: what.into() }
     }
 }
 
-/// Why a file is not a road network.
+/// Reason why a file is not a road network.
 #[derive(Debug, Error)]
 pub enum RoadsError {
     /// The file cannot be read.

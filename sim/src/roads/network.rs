@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use echoloop_files::{read_data, shown};
+use echoloop_files::{one_line, read_data};
 use xodr::{LaneType, Layer, Shape, Warning};
 
 use super::fault::{RoadFault, RoadsError};
@@ -165,9 +165,9 @@ pub fn load_network(path: &Path) -> Result<RoadNetwork, RoadsError> {
 ///
 /// # Errors
 ///
-/// As of [`load_network`].
+/// As for [`load_network`].
 pub fn parse_network(path: &Path, bytes: &[u8]) -> Result<RoadNetwork, RoadsError> {
-    let name = path.file_stem().map_or_else(String::new, |stem| shown(&stem.to_string_lossy()));
+    let name = path.file_stem().map_or_else(String::new, |stem| one_line(&stem.to_string_lossy()));
     let text = std::str::from_utf8(bytes)
         .map_err(|error| RoadFault::Format(format!("it is not UTF-8 text: {error}")));
     text.and_then(|text| RoadNetwork::parse(&name, text))
@@ -183,11 +183,13 @@ impl RoadNetwork {
     pub fn parse(name: &str, text: &str) -> Result<Self, RoadFault> {
         let (profiles, mut remarks) = opendrive_records::profiles(text)?;
         let (source, found) = xodr::load_str_with_provenance(text)
-            .map_err(|error| RoadFault::Format(shown(&error.to_string())))?;
+            .map_err(|error| RoadFault::Format(one_line(&error.to_string())))?;
         for warning in found.warnings.iter().filter(|warning| !warning.is_ignored()) {
             match breaks_a_road(warning) {
-                true => return Err(RoadFault::of(warning.road_id(), shown(&warning.to_string()))),
-                false => remarks.push(shown(&warning.to_string())),
+                true => {
+                    return Err(RoadFault::of(warning.road_id(), one_line(&warning.to_string())));
+                }
+                false => remarks.push(one_line(&warning.to_string())),
             }
         }
         let lanes = lanes(&source, &profiles)?;
@@ -218,7 +220,7 @@ impl RoadNetwork {
             let reach_m = numbers.fold(0.0, |most: f64, x| most.max(x.abs()));
             match reach_m <= most_m {
                 true => Ok(()),
-                false => Err(RoadFault::TooFar { road: shown(&lane.road), reach_m, most_m }),
+                false => Err(RoadFault::TooFar { road: one_line(&lane.road), reach_m, most_m }),
             }
         })
     }
@@ -388,7 +390,7 @@ fn prop(object: &xodr::Object) -> Option<Prop> {
         _ => return None,
     };
     let outline: Vec<[f64; 3]> = outline;
-    (outline.len() >= 3).then(|| Prop { name: shown(name), outline, height_m })
+    (outline.len() >= 3).then(|| Prop { name: one_line(name), outline, height_m })
 }
 
 fn height(extent: &xodr::Extent) -> Option<f64> {

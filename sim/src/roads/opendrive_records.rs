@@ -3,36 +3,36 @@
 
 use std::collections::HashSet;
 
-use echoloop_files::shown;
+use echoloop_files::one_line;
 use roxmltree::{Document, Node};
 
 use super::continuity;
 use super::fault::RoadFault;
 use super::profile::{Cubic, Curve, Geometry, Profile, Section, placed};
 
-/// Bytes of a file, at most. CARLA's towns have 1 to 20 MB.
+/// Largest file, bytes. CARLA's towns have 1 to 20 MB.
 const MAX_BYTES: usize = 64 << 20;
-/// Length of all roads, km, at most. CARLA's towns have 4 to 40.
+/// Largest length of all roads, km. CARLA's towns have 4 to 40.
 const MAX_KM: f64 = 400.0;
-/// Length of a piece of a reference line, metres, at most.
+/// Largest length of a piece of a reference line, metres.
 const MAX_PIECE_M: f64 = 1e5;
-/// Length of all lanes, km, at most.
+/// Largest length of all lanes, km.
 const MAX_LANES_KM: f64 = 1500.0;
-/// Full turns of a road, at most: a tighter or longer spiral takes more points.
+/// Largest number of full turns of a road: a tighter or longer spiral takes more points.
 const MAX_ROUNDS: f64 = 100.0;
-/// Bytes of a file per tag or attribute, at least: the XML parser takes about 40 bytes for each.
+/// Smallest number of bytes of a file per tag or attribute: the XML parser takes about 40 for each.
 /// CARLA's towns have 25.
 const BYTES_A_MARK: usize = 8;
-/// Nesting depth of elements, at most. CARLA's towns have 8.
+/// Largest nesting depth of elements. CARLA's towns have 8.
 const MAX_DEPTH: usize = 64;
-/// Attributes of an element, at most: the XML parser compares each with all others of the element.
+/// Largest number of attributes of an element: the XML parser compares each with all others.
 const MAX_ATTRIBUTES: usize = 1000;
-/// Namespace declarations, at most: an element that declares one copies those of all elements
-/// around it.
+/// Largest number of namespace declarations: an element that declares one copies those of all
+/// elements around it.
 const MAX_NAMESPACES: usize = 100;
 
-/// Records of a list, at most, as pieces of a reference line or lane sections: each point searches
-/// them. CARLA's towns have 100 or fewer.
+/// Largest number of records of a list, such as pieces of a reference line or lane sections: each
+/// point searches them. CARLA's towns have 100 or fewer.
 const MAX_RECORDS: usize = 10_000;
 
 /// Names of attributes that are numbers, in any element of a road.
@@ -78,11 +78,11 @@ pub(super) fn profiles(text: &str) -> Result<(Vec<Profile>, Vec<String>), RoadFa
     }
     check_marks(text)?;
     let document = Document::parse(text).map_err(|error| {
-        RoadFault::Format(format!("it is no XML: {}", shown(&error.to_string())))
+        RoadFault::Format(format!("it is not XML: {}", one_line(&error.to_string())))
     })?;
     let root = document.root_element();
     if !root.has_tag_name("OpenDRIVE") {
-        let name = shown(root.tag_name().name());
+        let name = one_line(root.tag_name().name());
         return format(format!("its root is <{name}>, expected <OpenDRIVE>"));
     }
     check_depth(&document)?;
@@ -121,7 +121,7 @@ fn lost_links(root: Node<'_, '_>, roads: &[Node<'_, '_>]) -> Vec<String> {
                 _ => ("road", &all_roads),
             };
             if !there.contains(to) {
-                let (id, tag, to) = (shown(id(*road)), end.tag_name().name(), shown(to));
+                let (id, tag, to) = (one_line(id(*road)), end.tag_name().name(), one_line(to));
                 remarks.push(format!("road {id}: its {tag} is {kind} {to:?}, which is not there"));
             }
         }
@@ -195,7 +195,7 @@ fn refuse_includes(document: &Document<'_>) -> Result<(), RoadFault> {
         None => Ok(()),
         Some(node) => {
             let (file, line) = (
-                shown(node.attribute("file").unwrap_or_default()),
+                one_line(node.attribute("file").unwrap_or_default()),
                 document.text_pos_at(node.range().start).row,
             );
             let what = format!(
@@ -235,7 +235,7 @@ fn number(road: Node<'_, '_>, node: Node<'_, '_>, name: &str) -> Result<f64, Roa
     let text = text.ok_or_else(|| RoadFault::of(id(road), format!("<{tag}> has no {name}")))?;
     let value = text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
     value.ok_or_else(|| {
-        let text = shown(text);
+        let text = one_line(text);
         RoadFault::of(id(road), format!("<{tag}> has {name}={text:?}, expected a finite number"))
     })
 }
@@ -372,7 +372,7 @@ fn curve(
         other => {
             let what = format!(
                 "a <geometry> has the shape <{}>, expected line, arc, spiral, poly3 or paramPoly3",
-                shown(other)
+                one_line(other)
             );
             Err(RoadFault::of(id(road), what))
         }
@@ -384,7 +384,7 @@ fn section(road: Node<'_, '_>, node: Node<'_, '_>) -> Result<Section, RoadFault>
     for lane in node.descendants().filter(|node| node.has_tag_name("lane")) {
         let text = lane.attribute("id").unwrap_or_default();
         let number = text.trim().parse::<i32>().map_err(|_| {
-            let what = format!("a <lane> has id={:?}, expected a whole number", shown(text));
+            let what = format!("a <lane> has id={:?}, expected a whole number", one_line(text));
             RoadFault::of(id(road), what)
         })?;
         let widths = cubics(road, Some(lane), "width", "sOffset")?;

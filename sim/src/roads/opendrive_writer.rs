@@ -39,6 +39,7 @@ struct CubicPiece {
 impl CubicPiece {
     fn between(from: RoadEnd, to: RoadEnd) -> Self {
         let away = [to.at[0] - from.at[0], to.at[1] - from.at[1]];
+        // Bézier handles of 0.39 chords, as those of a quarter circle.
         let reach = 0.39 * (away[0] * away[0] + away[1] * away[1]).sqrt();
         let (cos, sin) = (libm::cos(from.heading), libm::sin(from.heading));
         let local = |p: [f64; 2]| [cos * p[0] + sin * p[1], cos * p[1] - sin * p[0]];

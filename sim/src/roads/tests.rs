@@ -176,7 +176,7 @@ fn a_broken_network_is_refused_by_road_and_fault() {
     let line = r#"<geometry s="0" x="0" y="0" hdg="0" length="40"><line/></geometry>"#;
     let far = line.replace(r#"x="0""#, r#"x="7e6""#);
     let cases = [
-        ("hello".to_owned(), "it is no XML"),
+        ("hello".to_owned(), "it is not XML"),
         ("<a/>".to_owned(), "its root is <a>, expected <OpenDRIVE>"),
         ("<OpenDRIVE/>".to_owned(), "it has no road"),
         (nested(64), "its elements are nested more than 64 deep"),

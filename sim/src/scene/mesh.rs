@@ -17,7 +17,7 @@ pub struct Mesh {
     pub materials: Vec<u8>,
 }
 
-/// Why a mesh cannot be scanned.
+/// Reason why a mesh cannot be scanned.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum MeshFault {
     /// It has no faces.

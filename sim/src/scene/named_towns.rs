@@ -160,7 +160,7 @@ impl FromStr for Town {
 )]
 pub struct UnknownTown;
 
-/// Why a town cannot be built.
+/// Reason why a town cannot be built.
 #[derive(Debug, Error)]
 pub enum TownError {
     /// The file of its roads is missing.

@@ -96,8 +96,8 @@ impl EdgeFit<'_> {
             sum += weight(&farther) * delay;
             weights += weight(&farther);
         }
-        let alone = weights == weight(&solved);
-        let sigma = match alone {
+        let single_pair = weights == weight(&solved);
+        let sigma = match single_pair {
             true => solved.sigma as u64,
             false => ((1u64 << 40) / weights.max(1) as u64).isqrt(),
         };
@@ -243,7 +243,7 @@ impl Pair {
         self.values.0 > 0 && self.values.1 > 0
     }
 
-    /// D.
+    /// D, the pulse's length less the distance of the two samples.
     fn slack(&self, pulse: &Pulse) -> i64 {
         2 * pulse.width() - ((self.right - self.left) << 16)
     }

@@ -1,5 +1,5 @@
-//! Waveforms whose gain rises with range: baseline of each sample, and echoes as if the gain had
-//! not risen under them.
+//! Waveforms whose gain rises with range: baseline of each sample, and echoes corrected to
+//! constant gain.
 #![expect(
     clippy::arithmetic_side_effects,
     reason = "differences and samples of Q1.15, gains at most 2²⁴, σ and κ below 2³²: products \

@@ -28,11 +28,11 @@ pub enum ScanPattern {
     Grid(Grid),
     /// Beams of a grid line by line, to and fro, with one laser.
     Raster(Grid),
-    /// Turn of a spinning sensor.
+    /// One turn of a spinning sensor.
     Spinning(Spinning),
-    /// Rosette that goes on from scan to scan.
+    /// Rosette that continues from scan to scan.
     Rosette(Rosette),
-    /// List of beams that this program knows by its hash only.
+    /// List of beams, of which this program has only the hash.
     Table(BeamTable),
 }
 
@@ -43,10 +43,10 @@ impl Default for ScanPattern {
     }
 }
 
-/// Words that a pattern's own fields take at most.
+/// Largest number of words of a pattern's own fields.
 const FIELDS: usize = 6;
 
-/// Words that hold any pattern: the number of its kind, then its fields.
+/// Number of words of any pattern: the number of its kind, then its fields.
 pub const WORDS: usize = 1 + FIELDS;
 
 /// Fields of a pattern as words, zeros after them.
@@ -116,8 +116,8 @@ impl ScanPattern {
         Some(unit)
     }
 
-    /// Unit vector of a beam by its definition, in f64, which [`ScanPattern::unit`] is compared
-    /// with. `None` as for that.
+    /// Unit vector of a beam from the pattern's definition, in f64: the reference for
+    /// [`ScanPattern::unit`]. `None` where that gives none.
     pub fn exact_unit(&self, scan: u32, beam: u32) -> Option<[f64; 3]> {
         match self {
             _ if beam >= self.beams() => None,
@@ -273,10 +273,10 @@ mod tests {
         }
     }
 
-    /// Ahead, left and behind by hand: VLP-16 from ahead clockwise; an OS1's from behind, its
-    /// offset clockwise too.
+    /// Azimuths by hand: a VLP-16 turns clockwise from ahead; an OS1 clockwise from behind, with
+    /// its offset clockwise too.
     #[test]
-    fn a_turn_begins_where_the_maker_has_it_begin() {
+    fn a_turn_begins_at_the_makers_azimuth() {
         let at = |model, column: u32, laser: u32| {
             let sensor = Spinning { model, columns: 1024 };
             azimuth_deg(sensor.direction(column * u32::from(sensor.lasers()) + laser))

@@ -132,8 +132,8 @@ macro_rules! parameters {
             [$(Parameter { id: ParameterId::$id, $($row)* }),*];
 
         impl ParameterId {
-            /// The parameter in a sentence. It is no field of [`Parameter`], whose rows an image
-            /// holds.
+            /// The parameter in a sentence. It is not a field of [`Parameter`]: images hold those
+            /// rows, and need no help.
             pub const fn help(self) -> &'static str {
                 match self {
                     $(Self::$id => $help,)*
@@ -218,9 +218,9 @@ const fn choice(names: &'static [&'static str], default: i32) -> Parameter {
 }
 
 parameters! {
-    /// Peak laser power P, µW. At the lowest nothing is detected, whatever else is set.
+    /// Peak laser power P, µW. At its minimum nothing is detected, whatever else is set.
     power_uw: i32, Power {
-        help: "Peak power of the laser. At the lowest nothing is detected.",
+        help: "Peak power of the laser. At its minimum nothing is detected.",
         name: "power", symbol: "P", unit: "W", kind: LOG,
         codes_per_unit: 1_000_000, min: 10, max: 100_000_000, default: Some(75_000_000),
         acts_in: "front end",
@@ -252,7 +252,7 @@ parameters! {
     }
     /// Saturation level S, ppm of ADC full scale.
     saturation_ppm: i32, Saturation {
-        help: "Level from which the detector takes a sample for saturated.",
+        help: "Level from which the detector counts a sample as saturated.",
         name: "saturation", symbol: "S", unit: "of full scale", kind: REAL,
         codes_per_unit: 1_000_000, min: 250_000, max: 1_000_000, default: Some(1_000_000),
         acts_in: "DSP clip",
@@ -285,13 +285,13 @@ parameters! {
     }
     /// Ambient estimator: the code of an [`AmbientEstimator`].
     ambient: i32, Ambient {
-        help: "Estimator of the level without an echo.",
+        help: "Estimator of the ambient level.",
         name: "ambient", acts_in: "DSP baseline",
         ..choice(AmbientEstimator::NAMES, AmbientEstimator::Median.code())
     }
     /// Timing method: the code of a [`TimingMethod`].
     timing: i32, Timing {
-        help: "Moment of an echo that is its time.",
+        help: "Method that takes the time of an echo.",
         name: "timing", acts_in: "DSP timing",
         ..choice(TimingMethod::NAMES, TimingMethod::WalkCorrected.code())
     }

@@ -56,7 +56,7 @@ impl Accumulator {
         self.added = if shot == 0 { 1 } else { self.added.saturating_add(1) };
     }
 
-    /// Writes the sums, divided by `2^shift`, to `codes`, as many as it holds.
+    /// Fills `codes` with the sums, divided by `2^shift`.
     pub fn read(&self, shift: u32, codes: &mut [u16]) {
         let half = (1u32 << shift.min(31)) >> 1;
         for (code, lanes) in codes.iter_mut().zip(&self.lanes) {

@@ -73,12 +73,12 @@ enum State {
 /// ```
 ///
 /// T/2 is rounded down. The sample that ends a climb is the first valley, or makes the state idle
-/// at once. A climb that the end of the waveform cuts off counts. Of more than
-/// [`MAX_CANDIDATES`](crate::stages::peak::MAX_CANDIDATES) peaks the highest stay, of equals the
-/// first.
+/// at once. A climb that the end of the waveform cuts off counts. Beyond
+/// [`MAX_CANDIDATES`](crate::stages::peak::MAX_CANDIDATES) peaks the lowest are dropped, of equals
+/// the last.
 ///
-/// `reaches` is true when any of the given values is at or above the threshold, as [`reaches`] is;
-/// blocks for which it is false are skipped.
+/// `reaches` answers as [`reaches`] does: true when any of the values is at or above the threshold.
+/// Blocks for which it is false are skipped.
 #[inline(always)]
 #[expect(
     clippy::arithmetic_side_effects,
@@ -101,9 +101,9 @@ pub fn peaks(reaches: impl Fn(&[i16]) -> bool, y: &[i16], threshold: i16, found:
     }
 }
 
-/// [`peaks`] from hill to hill, for processors that find the next sample at or above the threshold
-/// faster than they step there. `first_reaching` returns the index of the first such value, if
-/// there is one.
+/// [`peaks`] that jumps from hill to hill: for processors that find the next sample at or above
+/// the threshold faster than sample by sample. `first_reaching` returns the index of the first
+/// such value, if there is one.
 #[inline(always)]
 #[expect(clippy::arithmetic_side_effects, reason = "indices of values of y, which lies in memory")]
 pub fn peaks_of_hills(

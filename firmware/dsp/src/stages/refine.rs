@@ -93,14 +93,14 @@ impl Refiner<'_> {
     /// | CFD | where f rises to half of the height, plus z | as parabola |
     /// | rising edge | where f rises to T, plus z | σ(level/g) · r / the rise of f |
     ///
-    /// The highest `z[j]`, j = −o..o, is z₀: of equals the sample itself (j = 0), else the first;
-    /// with o = 1, j is 0. A denominator of 0 makes δ 0. K is the last sample inside the pulse on
-    /// either side of its middle; gain, β, the share of the shot noise in σ(A) and z are
+    /// z₀ is the highest `z[j]`, j = −o..o; on a tie the sample itself (j = 0), else the first.
+    /// With o = 1, j is 0. A denominator of 0 makes δ 0. K samples on either side of a pulse's
+    /// middle lie inside it; gain, β, the share of the shot noise in σ(A) and z are
     /// [`Timing`](crate::stages::timing::Timing)'s.
     ///
-    /// Against the same method in real numbers, 12 bits, noise of 4 codes or more: within 4, 1 and
-    /// 0.6 mm at SNR 5, 20 and 100. The reason for each step is in `benches/record/detector.md`,
-    /// Sub-sample time.
+    /// The difference to the same method in real numbers, with 12 bits and noise of 4 codes or
+    /// more, is at most 4, 1 and 0.6 mm at SNR 5, 20 and 100. The reason for each step is in
+    /// `benches/record/detector.md`, Sub-sample time.
     #[inline(never)]
     pub fn refine(&self, f: impl Fn(i64) -> i64, peak: Peak) -> Refined {
         let config = self.config;
@@ -162,7 +162,7 @@ impl Refiner<'_> {
     pub fn candidates(&self, peaks: &[Peak]) -> Candidates {
         let mut candidates = Candidates::new();
         for &peak in peaks {
-            let _ = candidates.push(Candidate { peak, strength: self.strength(peak) }); // as many
+            let _ = candidates.push(Candidate { peak, strength: self.strength(peak) }); // fits
         }
         candidates
     }
@@ -213,7 +213,7 @@ impl Refiner<'_> {
             && self.clipped_run(peak).is_none()
     }
 
-    /// Times a peak that was hidden in another anew, by the parabola through the sharper filter's
+    /// Times again a peak that was hidden in another, by the parabola through the sharper filter's
     /// output `f` (Q9.23), without correction for bias, and marks it as merged. A clipped peak
     /// keeps its time. σ is doubled, for the sharper filter's noise, and grows by W f_s/32 (rounded
     /// down), for the shift by the other echo: saturating.

@@ -89,12 +89,12 @@ impl Sharpener {
         self.taps().len() / 2
     }
 
-    /// q, samples.
+    /// Lag q, samples.
     pub fn lag(&self) -> usize {
         self.lag
     }
 
-    /// r, Q1.15.
+    /// Noise gain r, Q1.15.
     pub fn noise_gain(&self) -> u16 {
         self.noise_gain
     }
@@ -144,8 +144,8 @@ fn sharpened_tap(narrow: &Template, k: isize, lag: isize, strength: i32) -> i16 
 ///
 /// The state is rising at the first sample. First and last sample are no peaks, because the top may
 /// lie outside. A peak that the end cuts off before `values` fell far enough counts if they fell at
-/// all. A peak is the first sample of its plateau. Of more than [`MAX_CANDIDATES`] the highest
-/// stay, of equals the first.
+/// all. A peak is the first sample of its plateau. Beyond [`MAX_CANDIDATES`] the lowest are
+/// dropped, of equals the last.
 pub fn prominent_peaks(
     values: impl IntoIterator<Item = i16>,
     first: usize,
@@ -220,8 +220,8 @@ pub type Overlapping = Vec<u16, MAX_CANDIDATES>;
 /// Under a peak that `may_overlap` others: up to 4q + 3 samples to either side, not past the middle
 /// (rounded down) to the next coarse peak. A peak there is one of the sharpened waveform with
 /// [`prominence`], of positive height; it becomes a peak of `y`'s height at its index if that
-/// reaches T. Work is bounded: 8q + 7 sharpened samples a coarse peak. Of more than
-/// [`MAX_CANDIDATES`] peaks the first stay.
+/// reaches T. Work is bounded: 8q + 7 sharpened samples a coarse peak. Peaks beyond the first
+/// [`MAX_CANDIDATES`] are dropped.
 ///
 /// `overlapping` becomes the indices of the peaks that replaced another: `y` need not have a
 /// maximum there.
@@ -267,9 +267,9 @@ impl Splitter<'_> {
                 if under.len() > 1 { &under } else { core::slice::from_ref(&peak) };
             for &peak in split {
                 if split.len() > 1 {
-                    let _ = overlapping.push(peak.index); // as many as there are peaks
+                    let _ = overlapping.push(peak.index); // fits: one per peak
                 }
-                let _ = all.push(peak); // the first stay
+                let _ = all.push(peak); // dropped if full
             }
         }
         all

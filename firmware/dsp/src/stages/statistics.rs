@@ -26,7 +26,7 @@ use crate::settings::choice::AmbientEstimator;
 /// | 1.4826 | σ of a normal distribution over its mad | Q2.14, nearest: 24 291 |
 /// | `σ̂` | noise of one sample | Q13.19, nearest |
 ///
-/// Half of the samples may be echoes before either gives way. A constant waveform still has σ̂ =
+/// Both hold while at most half of the samples are echoes. A constant waveform still has σ̂ =
 /// 0.37 codes: the ADC's own quantisation is noise too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
@@ -137,9 +137,8 @@ pub struct OrderStatistic {
 
 /// Median and deviation by repeated counts of the codes in an interval: counts vectorise.
 ///
-/// `codes` hold 1 to [`MAX_SAMPLES`] samples; `top` is the largest code of the ADC, at which the
-/// search begins at the highest. `guess` only saves time: statistics lie near those of the last
-/// waveform.
+/// `codes` hold 1 to [`MAX_SAMPLES`] samples. The search begins at `guess`, the statistics of the
+/// last waveform, or at `top`, the largest code of the ADC, if that is lower: both only save time.
 #[inline(always)]
 pub fn by_counting(codes: &[u16], top: u16, guess: &Statistics) -> OrderStatistics {
     let half = codes.len().div_ceil(2) as u32;

@@ -30,9 +30,8 @@ dispatch! {
     pub fn process(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes
         = process_baseline, v3: process_v3;
 
-    /// [`Pipeline::process`] without the loops written by hand: as the compiler vectorises it for
-    /// x86-64-v3, with the loops of a near gain for the baseline; all for the baseline where there
-    /// is no v3.
+    /// [`Pipeline::process`] as the compiler vectorises it for x86-64-v3, without the loops written
+    /// by hand; those of a near gain, and without v3 all, are built for the baseline.
     ///
     /// For benchmarks and tests: slower than [`process()`], same bytes.
     pub fn process_compiled(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes

@@ -31,8 +31,8 @@ fn a_mesh_opens_no_file_that_is_not_its_own() {
         ("absent.mtl", ""),
         ("/dev/zero", "another folder"),
         ("../other.mtl", "another folder"),
-        ("pipe.mtl", "no regular file"),
-        (".", "no regular file"),
+        ("pipe.mtl", "not a regular file"),
+        (".", "not a regular file"),
         (&many.join(" "), "more than 16"),
     ];
     for (library, fault) in table {
@@ -57,7 +57,7 @@ fn a_mesh_opens_no_file_that_is_not_its_own() {
     fixture.write("mesh/a.obj", format!("mtllib /dev/zero\n{TRIANGLE}"));
     let set = "scene.libraries=anywhere";
     let scan = ["scan", "-c", "small.toml", "--scene", "mesh/a.obj", "--set", set];
-    assert!(fixture.run(&[&scan[..], &POSE].concat()).stderr.contains("no regular file"));
+    assert!(fixture.run(&[&scan[..], &POSE].concat()).stderr.contains("not a regular file"));
 }
 
 #[test]

@@ -47,7 +47,7 @@ fn a_broken_network_is_refused_by_file_and_road_and_leaves_nothing() {
         ("nan.xodr", STRAIGHT.replace("hdg=\"0\"", "hdg=\"nan\""), "road 7"),
         ("long.xodr", STRAIGHT.replace("length=\"40\" id", "length=\"5e5\" id"), "500 km"),
         ("none.xodr", "<OpenDRIVE/>".into(), "no road"),
-        ("text.xodr", "not XML".into(), "no XML"),
+        ("text.xodr", "not XML".into(), "it is not XML"),
     ];
     for (name, text, part) in &files {
         fixture.write(name, text);

@@ -13,7 +13,7 @@ const KEY: &str = "target_from_source";
 /// The fourth row of the matrix, which KITTI leaves out.
 const LAST_ROW: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
-/// Why a [`Pose`] could not be read.
+/// Reason why a [`Pose`] could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum PoseError {
     /// The file cannot be read.
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_holds_no_motion_is_refused_with_what_was_found_and_what_was_expected() {
+    fn a_file_without_a_motion_is_refused_with_found_and_expected() {
         let of = |motion: &str| format!("{{\"format\": 1, \"target_from_source\": {motion}}}");
         let expected = ", expected target_from_source with 4 rows of 4 numbers";
         let both = |found: &str| format!("{found}{expected}");

@@ -21,7 +21,7 @@ pub struct Stamped {
     pub pose: Pose,
 }
 
-/// Why a trajectory could not be read.
+/// Reason why a trajectory could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum TrajectoryError {
     /// The file cannot be read.
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_trajectory_is_refused_with_its_line() {
+    fn a_malformed_trajectory_is_refused_with_its_line() {
         let good = "0 0 0 0 0 0 0 1\n";
         let row = "1 0 0 0 0 1 0 0 0 0 1 0\n";
         let forms = "expected 8 (TUM: time x y z qx qy qz qw) or 12 (KITTI)";

@@ -2,7 +2,7 @@
 
 use super::key::STEP;
 
-/// Fills `z` with the blocks that `next` gives; of the last one, as much as fits.
+/// Fills `z` with the blocks that `next` gives; the last block is cut to fit.
 #[inline(always)]
 pub(super) fn fill<const LANES: usize>(z: &mut [f32], mut next: impl FnMut(&mut [f32; LANES])) {
     let (blocks, rest) = z.as_chunks_mut();

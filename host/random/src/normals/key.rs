@@ -16,7 +16,7 @@ impl Key {
         (high as u64) << 32 | low as u64
     }
 
-    /// The word of a counter: a permutation of the counters.
+    /// Random word of a counter. Different counters have different words.
     ///
     /// A 32-bit mixing function of low bias (two multiplications, found by exhaustive search: C.
     /// Wellons, "prospecting for hash functions"). Half of the key enters before its first shift

@@ -14,8 +14,9 @@ use crate::scene::parts::{Builder, Frame, Point};
 use crate::scene::value_noise::Noise;
 use echoloop_random::Generator;
 
-/// Triangles from which on houses are plain, and from which on nothing more is planted.
+/// Number of triangles beyond which houses are plain.
 const PLAIN_TRIANGLES: usize = 1_150_000;
+/// Number of triangles beyond which nothing more is planted.
 const MAX_TRIANGLES: usize = 1_850_000;
 
 /// Buildings along the roads of a town.

@@ -12,7 +12,7 @@ use echoloop_random::Generator;
 /// Distance between lamps, and between other objects on a sidewalk, metres.
 const LAMP_M: f64 = 28.0;
 const OBJECT_M: f64 = 7.0;
-/// Floors of a house, at most.
+/// Largest number of floors of a house.
 const FLOORS: usize = 6;
 
 pub(super) fn build(b: &mut Builder, layout: &mut TownLayout, rng: &mut Generator) -> Vec<Plant> {

@@ -2,7 +2,7 @@
 
 use echoloop_dsp::{Hardware, MAX_SAMPLES, Settings};
 
-/// xorshift32.
+/// Random numbers by xorshift32.
 #[derive(Clone)]
 pub(crate) struct Random(u32);
 

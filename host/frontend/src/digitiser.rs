@@ -22,7 +22,7 @@ pub(crate) const ROUND: f32 = 12_582_912.0;
 /// a·e_max·e^(−nΔ/τ) n samples after the last clipped one. It arises in the amplifier, so it adds
 /// no shot noise.
 #[derive(Clone, Debug)]
-pub(crate) struct Amplifier {
+pub(crate) struct Digitiser {
     /// Codes per µA at full gain.
     codes_per_ua: f32,
     /// Codes per µA of each sample before the gain is full.
@@ -38,7 +38,7 @@ pub(crate) struct Amplifier {
     tail: Option<Tail>,
 }
 
-impl Amplifier {
+impl Digitiser {
     /// Prepares the constants for a window of `samples`.
     pub(crate) fn new(receiver: &Receiver, analog: &Analog, samples: usize) -> Self {
         let full_scale = f64::from(1u32 << receiver.adc_bits);
@@ -122,7 +122,7 @@ impl Amplifier {
     }
 }
 
-/// Tail T of an overload, see [`Amplifier`].
+/// Tail T of an overload, see [`Digitiser`].
 #[derive(Clone, Debug)]
 struct Tail {
     fraction: f32,
