@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
-use echoloop_keys::{Kind, Must};
+use echoloop_parameters::{Kind, Must};
 use serde_json::json;
 
 use super::atomic_folder::go_on;

@@ -3,7 +3,7 @@
 use std::str::FromStr;
 
 use clap::builder::{StringValueParser, TypedValueParser};
-use echoloop_keys::{Key, Kind, Must, Value};
+use echoloop_parameters::{Key, Kind, Must, Value};
 
 use echoloop_closed_loop::config::key;
 

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use clap::ValueEnum;
 use echoloop_dsp::Hardware;
-use echoloop_keys::{Kind, Must};
+use echoloop_parameters::{Kind, Must};
 
 use super::choice::{SensorChoice, described, introduce};
 use super::exit::Failure;

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use clap::Args;
 use echoloop_dsp::{DetectorConfig, Echo, Echoes};
 use echoloop_frontend::SceneResponse;
-use echoloop_keys::{Kind, Must};
 use echoloop_link::Times;
+use echoloop_parameters::{Kind, Must};
 use serde::Serialize;
 
 use super::choice::hold_to;
@@ -38,8 +38,8 @@ pub(crate) struct RateArgs {
     scans: u32,
 }
 
-const ECHOES: echoloop_keys::Key = flag(Kind::Whole, Must::between(0.0, 4.0));
-const SCANS: echoloop_keys::Key = flag(Kind::Whole, Must::between(1.0, 10_000.0));
+const ECHOES: echoloop_parameters::Key = flag(Kind::Whole, Must::between(0.0, 4.0));
+const SCANS: echoloop_parameters::Key = flag(Kind::Whole, Must::between(1.0, 10_000.0));
 
 /// A deadline is a whole number of microseconds, and one word.
 fn hz(text: &str) -> Result<f64, String> {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use echoloop_keys::{Kind, Must};
+use echoloop_parameters::{Kind, Must};
 
 use super::exit::Failure;
 use super::number::{flag, number_as};

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueHint};
-use echoloop_keys::{Kind, Must};
+use echoloop_parameters::{Kind, Must};
 use echoloop_sim::roads::{LaneKind, RoadNetwork, Waypoint, load_network};
 use serde_json::{Value, json};
 

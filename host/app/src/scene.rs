@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use echoloop_keys::{Kind, Must};
+use echoloop_parameters::{Kind, Must};
 use echoloop_registration::pose::{Pose, to_rows};
 use echoloop_sim::picture::{Picture, draw};
 use echoloop_sim::scene::Material;

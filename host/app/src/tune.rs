@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use echoloop_dsp::ScanPattern;
-use echoloop_keys::{Kind, Must};
+use echoloop_parameters::{Kind, Must};
 
 use super::axis_flags::AxisFlags;
 use super::candidate::candidate_values;

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_4, PI};
 use std::sync::Arc;
 
-use echoloop_keys::{Must, Refused, section};
+use echoloop_parameters::{Must, Refused, section};
 use serde::{Deserialize, Serialize};
 
 use crate::litl_units as litl;

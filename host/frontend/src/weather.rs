@@ -1,6 +1,6 @@
 //! Weather: the `[weather]` section, and the optical constants that follow from it.
 
-use echoloop_keys::{Case, Must, Range, Refused, Value, section};
+use echoloop_parameters::{Case, Must, Range, Refused, Value, section};
 use serde::{Deserialize, Serialize};
 
 /// Kind of weather.

@@ -1,6 +1,6 @@
 //! `[data]`: which pairs of scans to register, and when one succeeds.
 
-use echoloop_keys::{Must, section};
+use echoloop_parameters::{Must, section};
 use echoloop_registration::Method;
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,6 @@
 //! `[detector]`: who finds the echoes.
 
-use echoloop_keys::{Must, section};
+use echoloop_parameters::{Must, section};
 use serde::{Deserialize, Serialize};
 
 use echoloop_sensors::sensor::Detector;

@@ -1,7 +1,7 @@
 //! `[emitter]`: what the laser may emit.
 
 use echoloop_dsp::Hardware;
-use echoloop_keys::{Must, section};
+use echoloop_parameters::{Must, section};
 use serde::{Deserialize, Serialize};
 
 section! {

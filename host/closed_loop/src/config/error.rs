@@ -1,7 +1,7 @@
 //! Why a value of the configuration is refused.
 
 use echoloop_files::shown;
-use echoloop_keys::Refused;
+use echoloop_parameters::Refused;
 use thiserror::Error;
 
 /// A value of the configuration that makes no sense.

@@ -1,6 +1,6 @@
 //! `[front]`: whether a front of error against a cost is searched for, and how.
 
-use echoloop_keys::{Must, section};
+use echoloop_parameters::{Must, section};
 use serde::{Deserialize, Serialize};
 
 use super::choices::COSTS;

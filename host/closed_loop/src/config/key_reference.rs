@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use echoloop_dsp::{Kind, PARAMETERS, Parameter};
-use echoloop_keys::{Key, Must};
+use echoloop_parameters::{Key, Must};
 use echoloop_registration::{Kind as SettingKind, Method, SETTINGS, Setting};
 use serde::Serialize;
 use toml::Value;
@@ -344,9 +344,9 @@ mod tests {
         for row in default_rows() {
             let own = key(&row.key);
             let whole = row.default.as_ref().is_some_and(Value::is_integer)
-                || own.is_some_and(|key| key.kind == echoloop_keys::Kind::Whole);
+                || own.is_some_and(|key| key.kind == echoloop_parameters::Kind::Whole);
             let count = match own.map(|key| key.kind) {
-                Some(echoloop_keys::Kind::Numbers(count)) => count,
+                Some(echoloop_parameters::Kind::Numbers(count)) => count,
                 _ => 1,
             };
             let text = |number: f64| match count {
@@ -367,7 +367,8 @@ mod tests {
                 Some(_) => Vec::new(),
                 None => {
                     let range = row.min.zip(row.max);
-                    let range = range.map(|(min, max)| (None, echoloop_keys::Range::new(min, max)));
+                    let range =
+                        range.map(|(min, max)| (None, echoloop_parameters::Range::new(min, max)));
                     range.into_iter().collect()
                 }
             };

@@ -2,7 +2,7 @@
 //! which have tables of their own.
 
 use echoloop_frontend::{Receiver, Weather};
-use echoloop_keys::{Key, Kind, Must};
+use echoloop_parameters::{Key, Kind, Must};
 
 use super::registration::OWN_KEYS;
 use super::tune::WARM_STARTS;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use echoloop_files::{MOST_SHOWN, MOST_TEXT, printable, read_text, shown, shown_most};
-use echoloop_keys::{Key, Kind};
+use echoloop_parameters::{Key, Kind};
 use thiserror::Error;
 
 use super::keys::{key, keys};

@@ -1,6 +1,6 @@
 //! The `[motion]` section: a sensor that moves and shakes while it scans.
 
-use echoloop_keys::{Must, Value, section};
+use echoloop_parameters::{Must, Value, section};
 use serde::{Deserialize, Serialize};
 
 section! {

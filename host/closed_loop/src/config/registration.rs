@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use echoloop_keys::{Key as KeyRow, Kind as KeyKind, Must};
+use echoloop_parameters::{Key as KeyRow, Kind as KeyKind, Must};
 use echoloop_registration::{FgrMode, Kind, Method, SETTINGS};
 use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use echoloop_dsp::{Grid, Rosette, ScanPattern, Spinning, SpinningModel};
 use echoloop_files::shown;
-use echoloop_keys::{Must, Refused, section};
+use echoloop_parameters::{Must, Refused, section};
 use serde::{Deserialize, Serialize};
 
 use super::error::RunConfigError;

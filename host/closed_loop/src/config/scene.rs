@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use echoloop_files::shown;
-use echoloop_keys::{Must, Refused, section};
+use echoloop_parameters::{Must, Refused, section};
 use echoloop_sim::import::{Ground, ImportOptions, Libraries, Plane, Tags};
 use echoloop_sim::scene::SceneKind;
 use serde::{Deserialize, Serialize};

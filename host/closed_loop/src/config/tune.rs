@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use echoloop_keys::{Key, Kind, Must, Refused, section};
+use echoloop_parameters::{Key, Kind, Must, Refused, section};
 use serde::{Deserialize, Serialize};
 
 use super::axes::OwnAxes;

@@ -1,6 +1,6 @@
 //! `[tune.weights]`: what a scan's costs count beside the error.
 
-use echoloop_keys::{Must, section};
+use echoloop_parameters::{Must, section};
 use serde::{Deserialize, Serialize};
 
 use crate::cost::{CostKind, ScanCost};

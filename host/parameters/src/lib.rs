@@ -4,7 +4,7 @@
 //! printed. So no bound can be said in one way and enforced in another.
 //!
 //! ```
-//! use echoloop_keys::{Must, section};
+//! use echoloop_parameters::{Must, section};
 //!
 //! section! {
 //!     /// A lamp.
