@@ -5,7 +5,7 @@ use crate::clipped::height::FARTHEST;
 use crate::clipped::pulse::Pulse;
 use crate::rising_gain::ramp::Ramp;
 use crate::settings::Settings;
-use crate::settings::choice::Choices;
+use crate::settings::choice::{AmbientEstimator, EchoChoice, TimingMethod};
 use crate::settings::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
 use crate::settings::refusal::Refusal;
 use crate::stages::split::Sharpener;
@@ -54,8 +54,10 @@ pub struct DetectorConfig {
     pub(crate) pulse: Pulse,
     /// Samples on either side of a pulse's middle that lie strictly inside the pulse.
     pub(crate) reach: usize,
-    /// Methods that the settings choose.
-    pub(crate) choices: Choices,
+    /// Chosen ambient estimator.
+    pub(crate) ambient: AmbientEstimator,
+    /// Chosen timing method.
+    pub(crate) method: TimingMethod,
     pub(crate) timing: Timing,
     /// Filter that finds echoes hidden in others; `None` where a single echo is asked for.
     pub(crate) sharpener: Option<Sharpener>,
@@ -71,6 +73,7 @@ pub struct DetectorConfig {
     /// Smallest distance between two candidates, samples.
     pub(crate) min_separation: u32,
     pub(crate) echoes: usize,
+    pub(crate) echo_choice: EchoChoice,
     /// Sample period.
     pub(crate) sample_period_fs: u32,
     /// Range of sample 0, 1/256 mm.
@@ -128,13 +131,15 @@ impl DetectorConfig {
             template,
             pulse: Pulse::new(width_ps, period_fs),
             reach: half_length(samples_per_width),
-            choices,
+            ambient: choices.ambient,
+            method: choices.timing,
             shot_noise: shot_noise(settings, hardware),
             reflectivity_scale: reflectivity_scale(settings, hardware),
             snr_threshold: (settings.snr_threshold_milli as u32 * 256 + 500) / 1000,
             upsampling_log2,
             min_separation: min_separation(settings, range_step),
             echoes: settings.echoes as usize,
+            echo_choice: choices.echoes,
             sample_period_fs: period_fs,
             range_origin: i64::from(hardware.range_min_mm) * 256,
             range_step,
@@ -200,9 +205,9 @@ impl DetectorConfig {
         self.min_separation
     }
 
-    /// Methods that the settings choose.
-    pub fn choices(&self) -> &Choices {
-        &self.choices
+    /// Rule for which echoes are kept.
+    pub fn echo_choice(&self) -> EchoChoice {
+        self.echo_choice
     }
 
     /// Constants of the timing stage.

@@ -129,7 +129,7 @@ impl Pipeline {
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
         let statistics = loops
             .statistics(self.of_full_gain(codes), config.code_shift, &scratch.statistics)
-            .with_ambient(config.choices.ambient, before, config.code_shift, config.black);
+            .with_ambient(config.ambient, before, config.code_shift, config.black);
         scratch.statistics = statistics;
         self.filter(loops, codes, &statistics, scratch);
         let dithered = scratch.shots.take(config.shots);
@@ -163,6 +163,7 @@ impl Pipeline {
         let start = config.template.half();
         let end = start.saturating_add(codes.len());
         let (old_start, old_end) = scratch.filled;
+        // The last waveform may have begun earlier or ended later: zeros there again.
         scratch.padded.get_mut(old_start.min(start)..start).unwrap_or_default().fill(0);
         scratch.padded.get_mut(end..old_end.max(end)).unwrap_or_default().fill(0);
         scratch.filled = (start, end);

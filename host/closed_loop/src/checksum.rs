@@ -19,21 +19,21 @@ impl Display for Checksum {
     }
 }
 
-/// A checksum of what comes bit by bit.
+/// Checksum of bytes that arrive in pieces.
 pub struct Running(Digest<'static, u64, Table<16>>);
 
 impl Running {
-    /// Of nothing yet.
+    /// Checksum of no bytes.
     pub fn new() -> Self {
         Self(CRC.digest())
     }
 
-    /// Of this, too.
+    /// Adds bytes.
     pub fn add(&mut self, bytes: &[u8]) {
         self.0.update(bytes);
     }
 
-    /// Of all that came.
+    /// Checksum of all bytes added.
     pub fn end(self) -> Checksum {
         Checksum(self.0.finalize())
     }
@@ -46,23 +46,24 @@ impl Default for Running {
 }
 
 impl Checksum {
-    /// As files hold it.
+    /// Reads the 16 digits of a file.
     pub fn to_le_bytes(self) -> [u8; 8] {
         self.0.to_le_bytes()
     }
 
-    /// Of several pieces, one after the other.
+    /// Checksum of several pieces, one after the other.
     pub fn of(pieces: &[&[u8]]) -> Self {
         let mut running = Running::new();
         pieces.iter().for_each(|piece| running.add(piece));
         running.end()
     }
 
-    /// Of a file's content.
+    /// Checksum of the content of a file.
     ///
     /// # Errors
     ///
-    /// Those of reading it; of what is no file, [`io::ErrorKind::InvalidInput`]: it may never end.
+    /// Errors of reading; [`io::ErrorKind::InvalidInput`] for anything but a regular file: a pipe or
+    /// device may never end.
     pub fn of_file(path: &Path) -> io::Result<Self> {
         if !path.metadata()?.is_file() {
             return Err(io::ErrorKind::InvalidInput.into());

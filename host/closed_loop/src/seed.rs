@@ -1,6 +1,6 @@
-//! One seed, many independent uses.
+//! Seeds of independent random streams, derived from one.
 
-/// What a derived seed is for. Values are part of every published result: never renumber.
+/// Purpose of a derived seed. Values are part of every published result: never renumber.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// Viewpoints of the training pairs.
@@ -11,29 +11,28 @@ pub enum Purpose {
     TrainNoise = 3,
     /// Noise of the final choice among the shortlist.
     ShortlistNoise = 4,
-    /// Noise of the judgement.
+    /// Noise of the evaluation on held-out pairs.
     TestNoise = 5,
     /// The optimiser's samples.
     Search = 6,
-    /// Which pairs a generation sees.
+    /// Draw of a generation's pairs.
     Batch = 7,
-    /// How the sensor shakes while it scans.
+    /// Vibration of the sensor during a scan.
     Motion = 8,
     /// Noise of the check of the last choice.
     Check = 9,
-    /// What the search for a front draws.
+    /// Draws of the search for a front.
     Front = 16,
-    /// Its noise.
+    /// Noise of the search for a front.
     FrontNoise = 17,
 }
 
-/// A seed for one purpose and one index of it.
+/// Seed for one index of a purpose.
 pub fn derive(seed: u64, purpose: Purpose, index: u64) -> u64 {
     echoloop_random::derive(seed, purpose as u64, index)
 }
 
-/// The seed of the noise where there is no pair: of a scan alone, and of a sensor that serves a
-/// port.
+/// Seed of the noise without a pair: a single scan, and a sensor that serves a port.
 pub fn scan_noise(seed: u64) -> u64 {
     derive(seed, Purpose::TestNoise, 0)
 }

@@ -89,6 +89,7 @@ impl EdgeFit<'_> {
         let (mut sum, mut weights) = (0, weight(&solved));
         // Pairs count as long as both values show.
         let farther = (2..=EDGE).map_while(|i| self.pair(x, run, i)).take_while(Pair::both_show);
+        // A nearest pair with a hidden value gives only bounds, which others would not improve.
         for pair in farther.take(if nearest.both_show() { EDGE } else { 0 }) {
             let farther = self.solve(&pair);
             let delay = pair.time(self.pulse, farther.x) - nearest.time(self.pulse, solved.x);

@@ -1,8 +1,9 @@
 //! Grid of beams, uniform in azimuth and elevation.
 
 use core::f32::consts::PI;
+use core::fmt;
 
-use super::angle::unit;
+use super::angle::{exact_unit, unit};
 use super::{Fields, short};
 
 /// Grid of beams, uniform in azimuth and elevation, in the sensor's frame: x ahead, y left, z up.
@@ -60,6 +61,17 @@ impl Grid {
         unit(azimuth, elevation)
     }
 
+    /// Unit vector of the beam in a column and a row, by its definition.
+    pub fn exact_direction(&self, [column, row]: [u32; 2]) -> [f64; 3] {
+        let angle_deg = |index: u32, count: u16, full_cdeg: u16| {
+            ((f64::from(index) + 0.5) / f64::from(count) - 0.5) * f64::from(full_cdeg) / 100.0
+        };
+        exact_unit(
+            angle_deg(column, self.columns, self.azimuth_cdeg),
+            angle_deg(row, self.rows, self.elevation_cdeg),
+        )
+    }
+
     pub(super) fn to_words(self) -> Fields {
         let Self { columns, rows, azimuth_cdeg, elevation_cdeg } = self;
         let [a, b, c, d] = [columns, rows, azimuth_cdeg, elevation_cdeg].map(u32::from);
@@ -69,6 +81,14 @@ impl Grid {
     pub(super) fn from_words([a, b, c, d, ..]: Fields) -> Option<Self> {
         let (azimuth_cdeg, elevation_cdeg) = (short(c)?, short(d)?);
         Some(Self { columns: short(a)?, rows: short(b)?, azimuth_cdeg, elevation_cdeg })
+    }
+}
+
+impl fmt::Display for Grid {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [azimuth, elevation] =
+            [self.azimuth_cdeg, self.elevation_cdeg].map(|c| f64::from(c) / 100.0);
+        write!(f, "{} × {} over {azimuth}° × {elevation}°", self.columns, self.rows)
     }
 }
 

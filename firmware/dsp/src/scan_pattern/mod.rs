@@ -9,7 +9,10 @@ pub mod rosette;
 pub mod spinning;
 pub mod table;
 
+use core::fmt;
+
 use crate::stages::echo::Echo;
+pub use angle::exact_unit;
 use grid::Grid;
 use rosette::Rosette;
 use spinning::Spinning;
@@ -112,6 +115,44 @@ impl ScanPattern {
         Some(unit)
     }
 
+    /// Unit vector of a beam by its definition, in f64, which [`ScanPattern::unit`] is held to.
+    /// `None` as for that.
+    pub fn exact_unit(&self, scan: u32, beam: u32) -> Option<[f64; 3]> {
+        match self {
+            _ if beam >= self.beams() => None,
+            Self::Grid(grid) => Some(grid.exact_direction(grid.by_columns(beam))),
+            Self::Raster(grid) => Some(grid.exact_direction(grid.by_lines(beam))),
+            Self::Spinning(spinning) => spinning.exact_direction(beam),
+            Self::Rosette(rosette) => Some(rosette.exact_direction(scan, beam)),
+            Self::Table(_) => None,
+        }
+    }
+
+    /// True when all scans have the same directions.
+    pub fn repeats(&self) -> bool {
+        !matches!(self, Self::Rosette(_))
+    }
+
+    /// Number of columns and of rows; `None` for a pattern without them.
+    pub fn columns_and_rows(&self) -> Option<[u16; 2]> {
+        match self {
+            Self::Grid(grid) | Self::Raster(grid) => Some([grid.columns, grid.rows]),
+            Self::Spinning(spinning) => Some([spinning.columns, spinning.lasers()]),
+            Self::Rosette(_) | Self::Table(_) => None,
+        }
+    }
+
+    /// Column and row of a beam; the row is the number of the laser in a head. A pattern without
+    /// them counts as one row.
+    pub fn column_and_row(&self, beam: u32) -> [u32; 2] {
+        match self {
+            Self::Grid(grid) => grid.by_columns(beam),
+            Self::Raster(grid) => grid.by_lines(beam),
+            Self::Spinning(spinning) => spinning.column_and_laser(beam),
+            Self::Rosette(_) | Self::Table(_) => [beam, 0],
+        }
+    }
+
     /// Point that an echo of a beam comes from, m: x, y, z. `None` as for [`ScanPattern::unit`].
     ///
     /// It is within 10⁻⁶ of the range of the exact point: 0.12 mm at 120 m.
@@ -130,6 +171,19 @@ impl ScanPattern {
     #[cfg(feature = "nalgebra")]
     pub fn point_m(&self, scan: u32, beam: u32, echo: &Echo) -> Option<nalgebra::Point3<f32>> {
         self.xyz_m(scan, beam, echo).map(nalgebra::Point3::from)
+    }
+}
+
+/// Prints a pattern in a few words.
+impl fmt::Display for ScanPattern {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Grid(grid) => grid.fmt(f),
+            Self::Raster(grid) => write!(f, "{grid}, line by line"),
+            Self::Spinning(spinning) => spinning.fmt(f),
+            Self::Rosette(rosette) => rosette.fmt(f),
+            Self::Table(table) => table.fmt(f),
+        }
     }
 }
 
@@ -276,9 +330,28 @@ mod tests {
     }
 
     #[test]
+    fn every_direction_is_its_definition_to_a_millionth() {
+        let grid = Grid { columns: 33, rows: 7, azimuth_cdeg: 36_000, elevation_cdeg: 4_321 };
+        let others = [
+            ScanPattern::Grid(grid),
+            ScanPattern::Raster(grid),
+            ScanPattern::Rosette(Rosette::MID_40),
+        ];
+        for pattern in spinning().map(ScanPattern::Spinning).chain(others) {
+            for (scan, beam) in (0..pattern.beams()).map(|beam| (beam % 301, beam)) {
+                let exact = pattern.exact_unit(scan, beam).unwrap();
+                let own = pattern.unit(scan, beam).unwrap();
+                let near = own.iter().zip(exact).all(|(&a, b)| (f64::from(a) - b).abs() < 1e-6);
+                assert!(near, "{pattern:?} {beam}: {own:?} for {exact:?}");
+            }
+        }
+    }
+
+    #[test]
     fn a_beam_that_there_is_not_and_a_table_have_no_direction() {
         let table = ScanPattern::Table(BeamTable { beams: 4, channels: 2, hash: 1 });
         assert_eq!((table.unit(0, 0), table.beams(), table.channels()), (None, 4, 2));
+        assert_eq!(table.exact_unit(0, 0), None);
         let grid = ScanPattern::default();
         assert_eq!(grid.unit(0, grid.beams()), None);
         assert!(grid.unit(0, grid.beams() - 1).is_some());

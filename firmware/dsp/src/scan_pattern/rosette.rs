@@ -1,6 +1,7 @@
 //! Rosette of two prisms, which does not repeat from scan to scan.
 
 use core::f32::consts::{PI, TAU};
+use core::{f64, fmt};
 
 use super::{Fields, short};
 
@@ -60,6 +61,22 @@ impl Rosette {
         [libm::cosf(off), y * side, z * side]
     }
 
+    /// Unit vector of a beam of a scan, by its definition.
+    pub fn exact_direction(&self, scan: u32, beam: u32) -> [f64; 3] {
+        let k = f64::from(scan) * f64::from(self.beams) + f64::from(beam) + 0.5;
+        let seconds = k / f64::from(self.rate_hz);
+        let arm = |rpm: i32, bend_cdeg: u16| {
+            let (sin, cos) = libm::sincos(f64::consts::TAU * (f64::from(rpm) / 60.0 * seconds));
+            [cos, sin].map(|part| part * (f64::from(bend_cdeg) * (f64::consts::PI / 18_000.0)))
+        };
+        let ([first, second], [a, b]) = (self.rotors_rpm, self.bends_cdeg);
+        let ([a_y, a_z], [b_y, b_z]) = (arm(first, a), arm(second, b));
+        let [y, z] = [a_y + b_y, a_z + b_z];
+        let off = libm::sqrt(y * y + z * z);
+        let side = if off > 1e-9 { libm::sin(off) / off } else { 1.0 };
+        [libm::cos(off), y * side, z * side]
+    }
+
     pub(super) fn to_words(self) -> Fields {
         let [first, second] = self.rotors_rpm.map(i32::cast_unsigned);
         let [a, b] = self.bends_cdeg.map(u32::from);
@@ -69,6 +86,13 @@ impl Rosette {
     pub(super) fn from_words([beams, rate_hz, first, second, a, b]: Fields) -> Option<Self> {
         let rotors_rpm = [first, second].map(u32::cast_signed);
         Some(Self { beams, rate_hz, rotors_rpm, bends_cdeg: [short(a)?, short(b)?] })
+    }
+}
+
+impl fmt::Display for Rosette {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { beams, rate_hz, rotors_rpm: [a, b], bends_cdeg: [c, d] } = self;
+        write!(f, "{beams} of a rosette ({rate_hz} Hz, {a} and {b} rpm, {c} and {d} × 0.01°)")
     }
 }
 

@@ -1,8 +1,9 @@
 //! Spinning sensors.
 
 use core::f32::consts::{PI, TAU};
+use core::fmt;
 
-use super::angle::unit;
+use super::angle::{exact_unit, unit};
 use super::lasers::{HDL_64E, Laser, OS1_64, OS1_128, VLP_16, VLP_32C, VLS_128};
 use super::{Fields, short};
 
@@ -135,6 +136,18 @@ impl Spinning {
         unit(heading + beside, rad(elevation))
     }
 
+    /// Unit vector of a beam, by its definition. The head turns clockwise seen from above, so
+    /// azimuth falls.
+    pub fn exact_direction(&self, beam: u32) -> Option<[f64; 3]> {
+        let [_, laser] = self.column_and_laser(beam);
+        let [elevation, beside] =
+            self.model.lasers().get(laser as usize)?.map(|v| f64::from(v) * 1e-4);
+        let [part, whole] = self.time(beam).map(f64::from);
+        let begin = if self.model.begins_behind() { 180.0 } else { 0.0 };
+        let beside = if self.model.offsets_are_clockwise() { -beside } else { beside };
+        Some(exact_unit(begin - 360.0 * part / whole + beside, elevation))
+    }
+
     pub(super) fn to_words(self) -> Fields {
         [self.model as u32, self.columns.into(), 0, 0, 0, 0]
     }
@@ -142,6 +155,12 @@ impl Spinning {
     pub(super) fn from_words([model, columns, ..]: Fields) -> Option<Self> {
         let model = *SpinningModel::ALL.get(model as usize)?;
         Some(Self { model, columns: short(columns)? })
+    }
+}
+
+impl fmt::Display for Spinning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} × {} of a {:?}", self.columns, self.lasers(), self.model)
     }
 }
 

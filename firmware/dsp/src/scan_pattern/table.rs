@@ -1,5 +1,7 @@
 //! Table of beams, known by its hash.
 
+use core::fmt;
+
 use super::{Fields, short};
 
 /// Name of a list of beams. The list itself stays with its maker: sensor and host agree on its
@@ -26,5 +28,12 @@ impl BeamTable {
 
     pub(super) fn from_words([beams, channels, hash, ..]: Fields) -> Option<Self> {
         Some(Self { beams, channels: short(channels)?, hash })
+    }
+}
+
+impl fmt::Display for BeamTable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { beams, channels, hash } = self;
+        write!(f, "{beams} of a table ({channels} channels, hash {hash:#010x})")
     }
 }

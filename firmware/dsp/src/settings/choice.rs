@@ -1,40 +1,19 @@
 //! Settings that choose between methods: one enum each, decoded once from the number on the wire.
 //!
-//! A new choice is an enum in the call of `choices!` here and its row in the call of `parameters!`
-//! in `parameters.rs`; a stage reads it from [`DetectorConfig::choices`].
-//!
-//! [`DetectorConfig::choices`]: crate::DetectorConfig::choices
+//! A new choice of the detector is an enum in the call of `choices!` here and its row in the call of
+//! `parameters!` in `parameters.rs`; `DetectorConfig::new` hands it to the stage that reads it.
 
 use crate::settings::reason::Reason;
 use crate::settings::refusal::Refusal;
 use crate::settings::{ParameterId, Settings};
 
-/// Declares an enum for each choice, its variants numbered from 0 in the order of the wire and each
-/// with its name, and [`Choices`], which has a field for each of them.
-macro_rules! choices {
-    ($(
+/// Declares a choice: an enum whose variants are numbered from 0 in the order of the wire, each with
+/// its name.
+macro_rules! choice {
+    (
         $(#[$attribute:meta])*
-        $field:ident: $choice:ident of $id:ident {
-            $($(#[$variant_attribute:meta])* $variant:ident = $name:literal,)*
-        }
-    )*) => {
-        /// The choices of a set of settings, decoded.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub struct Choices {
-            $($(#[$attribute])* pub $field: $choice,)*
-        }
-
-        impl Settings {
-            /// Decodes every choice.
-            ///
-            /// # Errors
-            ///
-            /// [`Refusal`] of the first number that stands for no choice.
-            pub fn choices(&self) -> Result<Choices, Refusal> {
-                Ok(Choices { $($field: self.choice(ParameterId::$id, $choice::from_code)?,)* })
-            }
-        }
-    $(
+        $choice:ident { $($(#[$variant_attribute:meta])* $variant:ident = $name:literal,)* }
+    ) => {
         $(#[$attribute])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum $choice {
@@ -58,7 +37,34 @@ macro_rules! choices {
                 usize::try_from(code).ok().and_then(|code| Self::ALL.get(code)).copied()
             }
         }
-    )*};
+    };
+}
+
+/// Declares the choices of the detector, and [`Choices`], which has a field for each of them.
+macro_rules! choices {
+    ($(
+        $(#[$attribute:meta])*
+        $field:ident: $choice:ident of $id:ident { $($variants:tt)* }
+    )*) => {
+        /// The detector's choices of a set of settings, decoded.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Choices {
+            $($(#[$attribute])* pub $field: $choice,)*
+        }
+
+        impl Settings {
+            /// Decodes every choice of the detector.
+            ///
+            /// # Errors
+            ///
+            /// [`Refusal`] of the first number that stands for no choice.
+            pub fn choices(&self) -> Result<Choices, Refusal> {
+                Ok(Choices { $($field: self.choice(ParameterId::$id, $choice::from_code)?,)* })
+            }
+        }
+
+        $(choice! { $(#[$attribute])* $choice { $($variants)* } })*
+    };
 }
 
 impl Settings {
@@ -102,13 +108,6 @@ choices! {
         /// Its top without the parabola's bias, or its edges when it is clipped.
         WalkCorrected = "walk-corrected",
     }
-    /// Dither of the shots of a beam against the sampling clock.
-    dither: Dither of Dither {
-        /// All shots begin at the same moment of a sample period.
-        Off = "off",
-        /// Shots begin at two or four moments of a sample period, as many as there are shots.
-        On = "on",
-    }
     /// Rule for which echoes are kept when there are more than asked for.
     echoes: EchoChoice of EchoChoice {
         /// The strongest.
@@ -117,6 +116,17 @@ choices! {
         First = "first",
         /// The farthest.
         Last = "last",
+    }
+}
+
+// Not a choice of the detector: it sets when shots are sampled.
+choice! {
+    /// Dither of the shots of a beam against the sampling clock.
+    Dither {
+        /// All shots begin at the same moment of a sample period.
+        Off = "off",
+        /// Shots begin at two or four moments of a sample period, as many as there are shots.
+        On = "on",
     }
 }
 

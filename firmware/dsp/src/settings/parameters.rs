@@ -100,7 +100,10 @@ fn is_power_of_two(value: i32) -> bool {
 /// A field of `i32` is always set; a field of `Option<i32>` may follow other settings. Rows are
 /// only ever appended: the wire has the same order.
 macro_rules! parameters {
-    ($($(#[$doc:meta])* $field:ident: $value:ty, $id:ident { $($row:tt)* })*) => {
+    ($(
+        $(#[$doc:meta])*
+        $field:ident: $value:ty, $id:ident { help: $help:literal, $($row:tt)* }
+    )*) => {
         /// Whole set of sensor settings, in wire units. It is taken or refused whole.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[cfg_attr(
@@ -127,6 +130,16 @@ macro_rules! parameters {
         /// Table of the parameters: every name, unit, range and default of Θ_lidar, once.
         pub const PARAMETERS: [Parameter; [$(ParameterId::$id),*].len()] =
             [$(Parameter { id: ParameterId::$id, $($row)* }),*];
+
+        impl ParameterId {
+            /// The parameter in a sentence. It is no field of [`Parameter`], whose rows an image
+            /// holds.
+            pub const fn help(self) -> &'static str {
+                match self {
+                    $(Self::$id => $help,)*
+                }
+            }
+        }
 
         impl Settings {
             /// Value of a field, in wire units; `None` where it follows other settings.
@@ -207,107 +220,127 @@ const fn choice(names: &'static [&'static str], default: i32) -> Parameter {
 parameters! {
     /// Peak laser power P, µW. At the lowest nothing is detected, whatever else is set.
     power_uw: i32, Power {
+        help: "Peak power of the laser. At the lowest nothing is detected.",
         name: "power", symbol: "P", unit: "W", kind: LOG,
         codes_per_unit: 1_000_000, min: 10, max: 100_000_000, default: Some(75_000_000),
         acts_in: "front end",
     }
     /// Pulse width W (FWHM), ps.
     pulse_width_ps: i32, PulseWidth {
+        help: "Width of the pulse, at half its height.",
         name: "pulse_width", symbol: "W", unit: "ns", kind: REAL,
         codes_per_unit: 1000, min: 2_000, max: 20_000, default: Some(5_000),
         acts_in: "front end, template",
     }
     /// Analog gain G, 0.01 dB.
     gain_cdb: i32, Gain {
+        help: "Gain of the amplifier before the converter.",
         name: "gain", symbol: "G", unit: "dB", kind: REAL,
         codes_per_unit: 100, min: -1_000, max: 3_000, default: Some(0), acts_in: "front end",
     }
     /// Waveform resolution N_w, bins over the range window.
     bins: i32, WaveformResolution {
+        help: "Number of samples of a waveform over the range window.",
         name: "waveform_resolution", symbol: "N_w", unit: "bins", kind: Kind::Integer,
         codes_per_unit: 1, min: 200, max: 2400, default: Some(800), acts_in: "ADC clock",
     }
     /// Accumulated shots m.
     shots: i32, Shots {
+        help: "Number of shots of a beam that are added up.",
         name: "shots", symbol: "m", unit: "", kind: Kind::PowerOfTwo,
         codes_per_unit: 1, min: 1, max: 16, default: Some(1), acts_in: "DSP accumulation",
     }
     /// Saturation level S, ppm of ADC full scale.
     saturation_ppm: i32, Saturation {
+        help: "Level from which the detector takes a sample for saturated.",
         name: "saturation", symbol: "S", unit: "of full scale", kind: REAL,
         codes_per_unit: 1_000_000, min: 250_000, max: 1_000_000, default: Some(1_000_000),
         acts_in: "DSP clip",
     }
     /// Noise-floor threshold N, ppm of ADC full scale, on an echo's amplitude.
     noise_floor_ppm: i32, NoiseFloor {
+        help: "Lowest amplitude of an echo.",
         name: "noise_floor", symbol: "N", unit: "of full scale", kind: LOG,
         codes_per_unit: 1_000_000, min: 100, max: 200_000, default: Some(4_000),
         acts_in: "DSP threshold",
     }
     /// SNR threshold k, 0.001 σ of the filtered noise.
     snr_threshold_milli: i32, SnrThreshold {
+        help: "Lowest amplitude of an echo over σ of the filtered noise.",
         name: "snr_threshold", symbol: "k", unit: "sigma", kind: REAL,
         codes_per_unit: 1000, min: 2_500, max: 8_000, default: Some(4_700),
         acts_in: "DSP threshold",
     }
     /// Upsampling ratio o of the interpolation around a candidate.
     upsampling: i32, Upsampling {
+        help: "Points per sample of the interpolation around a candidate.",
         name: "upsampling", symbol: "o", unit: "", kind: Kind::PowerOfTwo,
         codes_per_unit: 1, min: 1, max: 8, default: Some(1), acts_in: "DSP interpolation",
     }
     /// Denoise filter: the code of a [`DenoiseFilter`].
     denoise: i32, Denoise {
+        help: "Filter before the detector.",
         name: "denoise", acts_in: "DSP filter",
         ..choice(DenoiseFilter::NAMES, DenoiseFilter::Matched.code())
     }
     /// Ambient estimator: the code of an [`AmbientEstimator`].
     ambient: i32, Ambient {
+        help: "Estimator of the level without an echo.",
         name: "ambient", acts_in: "DSP baseline",
         ..choice(AmbientEstimator::NAMES, AmbientEstimator::Median.code())
     }
     /// Timing method: the code of a [`TimingMethod`].
     timing: i32, Timing {
+        help: "Moment of an echo that is its time.",
         name: "timing", acts_in: "DSP timing",
         ..choice(TimingMethod::NAMES, TimingMethod::WalkCorrected.code())
     }
     /// Minimum echo separation ΔR, mm; `None` follows the pulse: 1.14·cW/2.
     min_separation_mm: Option<i32>, MinSeparation {
+        help: "Smallest distance of two echoes. Left out: it follows the pulse, 1.14·cW/2.",
         name: "min_separation", symbol: "ΔR", unit: "m", kind: REAL,
         codes_per_unit: 1000, min: 300, max: 3_000, default: None, acts_in: "DSP peaks",
     }
     /// Echoes kept per waveform.
     echoes: i32, Echoes {
+        help: "Most echoes of a waveform that are kept.",
         name: "echoes", symbol: "E", unit: "", kind: Kind::Integer,
         codes_per_unit: 1, min: 1, max: 4, default: Some(1), acts_in: "DSP peaks",
     }
     /// Rule for the echoes that are kept: the code of an [`EchoChoice`].
     echo_choice: i32, EchoChoice {
+        help: "Rule for which echoes are kept.",
         name: "echo_choice", acts_in: "DSP peaks",
         ..choice(EchoChoice::NAMES, EchoChoice::Strongest.code())
     }
     /// Black level, ppm of ADC full scale: the converter's reading at no current.
     black_level_ppm: i32, BlackLevel {
+        help: "The converter's reading at no current.",
         name: "black_level", symbol: "", unit: "of full scale", kind: REAL,
         codes_per_unit: 1_000_000, min: 0, max: 40_000, default: Some(0), acts_in: "front end",
     }
     /// Dither of the shots against the sampling clock: the code of a [`Dither`].
     dither: i32, Dither {
+        help: "Dither: shots of a beam begin at different moments of the sampling clock.",
         name: "dither", acts_in: "ADC clock, DSP timing",
         ..choice(Dither::NAMES, Dither::Off.code())
     }
     /// Slope of the gain over range up to where it is full, 0.001 dB/m; 0: it is full everywhere.
     gain_slope_mdb_m: i32, GainSlope {
+        help: "Slope of the gain over range up to where it is full; 0: it is full everywhere.",
         name: "gain_slope", symbol: "", unit: "dB/m", kind: REAL,
         codes_per_unit: 1000, min: 0, max: 1_000, default: Some(0), acts_in: "front end, DSP",
     }
     /// Range from which the gain is full, mm.
     gain_range_mm: i32, GainRange {
+        help: "Range from which the gain is full.",
         name: "gain_range", symbol: "", unit: "m", kind: REAL,
         codes_per_unit: 1000, min: 5_000, max: 40_000, default: Some(40_000),
         acts_in: "front end, DSP",
     }
     /// Range from which the receiver sees the whole beam, mm; at nine tenths of it, nothing.
     overlap_mm: i32, Overlap {
+        help: "Range from which the receiver sees the whole beam; at nine tenths of it, nothing.",
         name: "overlap", symbol: "ξ", unit: "m", kind: LOG,
         codes_per_unit: 1000, min: 500, max: 20_000, default: Some(1_000),
         acts_in: "front end, reflectivity",

@@ -107,7 +107,7 @@ impl Refiner<'_> {
         let half = i32::from(peak.height) >> 1;
         let (left, right) = (self.crossing(peak, half, -1), self.crossing(peak, half, 1));
         let clipped = self.clipped_run(peak);
-        let corrects = config.choices.timing == TimingMethod::WalkCorrected;
+        let corrects = config.method == TimingMethod::WalkCorrected;
         let bias = if corrects && clipped.is_none() { config.timing.bias().into() } else { 0 };
         let start = i64::from(peak.index);
         let vertex = vertex(&f, start, config.reach, config.upsampling_log2, bias);
@@ -120,7 +120,7 @@ impl Refiner<'_> {
             sigma: self.sigma_of_top(amplitude),
             flags: left.flags | right.flags,
         };
-        match (config.choices.timing, clipped) {
+        match (config.method, clipped) {
             (TimingMethod::WalkCorrected, Some(run)) => {
                 // Sets time, amplitude and σ.
                 self.time_by_edges(run, (left.time + right.time) >> 1, &mut refined);
@@ -155,7 +155,7 @@ impl Refiner<'_> {
         }
         let mut candidates = self.candidates(peaks);
         detect::separate(&mut candidates, config.min_separation);
-        detect::choose(candidates, config.echoes, config.choices.echoes)
+        detect::choose(candidates, config.echoes, config.echo_choice)
     }
 
     /// Peaks with the strength of their echoes: [`Height`] of a clipped peak, else its amplitude.
@@ -279,7 +279,7 @@ impl Refiner<'_> {
         let rise = (high - low).max(1);
         let fraction = (((level - low) << 16).div_euclid(rise)).clamp(0, 1 << 16);
         refined.time = (below << 16) + fraction + config.timing.offset();
-        if config.choices.timing == TimingMethod::ConstantFraction {
+        if config.method == TimingMethod::ConstantFraction {
             return; // σ stays that of `sigma_of_top`: its gain is the crossing's
         }
         let at_level = self.noise.of(config.template.amplitude(shift_round(level, 8) as i32));

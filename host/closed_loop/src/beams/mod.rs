@@ -3,11 +3,11 @@
 pub mod list;
 
 use std::borrow::Cow;
-use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-use echoloop_dsp::{Grid, Rosette, ScanPattern, Spinning};
-use nalgebra::{Vector2, Vector3};
+use echoloop_dsp::scan_pattern::exact_unit;
+use echoloop_dsp::{ScanPattern, Spinning};
+use nalgebra::Vector3;
 
 use list::{BeamList, ListedBeam};
 
@@ -45,7 +45,7 @@ impl Beams {
             _ => Vec::new(),
         };
         let mut beams = Self { pattern, list, rings, always: None, recorded: None };
-        if !matches!(pattern, ScanPattern::Rosette(_)) {
+        if pattern.repeats() {
             beams.always = Some(beams.traced(0));
         }
         beams
@@ -88,17 +88,14 @@ impl Beams {
     /// The unit vector of a beam as its definition has it; what the sensor's own projection
     /// ([`ScanPattern::direction`]) is held to.
     pub fn exact_direction(&self, viewpoint: u32, beam: u32) -> Option<Vector3<f64>> {
-        match self.pattern {
-            ScanPattern::Grid(grid) => Some(of_grid(&grid, grid.by_columns(beam))),
-            ScanPattern::Raster(grid) => Some(of_grid(&grid, grid.by_lines(beam))),
-            ScanPattern::Spinning(spinning) => of_head(&spinning, beam),
-            ScanPattern::Rosette(rosette) => Some(of_rosette(&rosette, viewpoint, beam)),
-            ScanPattern::Table(_) => {
-                let listed = self.listed(beam)?;
+        let exact = match self.pattern {
+            ScanPattern::Table(_) => self.listed(beam).map(|listed| {
                 let [azimuth, elevation] = [listed.azimuth_udeg, listed.elevation_udeg];
-                Some(unit(f64::from(azimuth) / 1e6, f64::from(elevation) / 1e6))
-            }
-        }
+                exact_unit(f64::from(azimuth) / 1e6, f64::from(elevation) / 1e6)
+            }),
+            _ => self.pattern.exact_unit(viewpoint, beam),
+        };
+        exact.map(Vector3::from)
     }
 
     /// When a beam is fired, as a fraction of a scan of so many seconds.
@@ -135,28 +132,23 @@ impl Beams {
     /// channel.
     pub fn ring(&self, beam: u32) -> u32 {
         match self.pattern {
-            ScanPattern::Grid(grid) => grid.by_columns(beam)[1],
-            ScanPattern::Raster(grid) => grid.by_lines(beam)[1],
-            ScanPattern::Spinning(spinning) => {
-                let [_, laser] = spinning.column_and_laser(beam);
+            ScanPattern::Spinning(_) => {
+                let [_, laser] = self.pattern.column_and_row(beam);
                 self.rings.get(laser as usize).copied().unwrap_or(0)
             }
-            ScanPattern::Rosette(_) => 0,
             ScanPattern::Table(_) => self.listed(beam).map_or(0, |listed| listed.channel.into()),
+            _ => self.pattern.column_and_row(beam)[1],
         }
     }
 
     /// The how manieth of its row a beam is: along azimuth, or in time where that is no order.
     pub fn column(&self, beam: u32) -> u32 {
         match self.pattern {
-            ScanPattern::Grid(grid) => grid.by_columns(beam)[0],
-            ScanPattern::Raster(grid) => grid.by_lines(beam)[0],
-            ScanPattern::Spinning(spinning) => spinning.column_and_laser(beam)[0],
-            ScanPattern::Rosette(_) => beam,
             ScanPattern::Table(_) => {
                 let shot = self.list.as_ref().and_then(|list| list.shots.get(beam as usize));
                 shot.copied().unwrap_or(0)
             }
+            _ => self.pattern.column_and_row(beam)[0],
         }
     }
 
@@ -174,43 +166,4 @@ impl Beams {
 fn ranks(lasers: &[[i32; 2]]) -> Vec<u32> {
     let lower = |of: &[i32; 2]| lasers.iter().filter(|laser| laser[0] < of[0]).count() as u32;
     lasers.iter().map(lower).collect()
-}
-
-fn unit(azimuth_deg: f64, elevation_deg: f64) -> Vector3<f64> {
-    let [(sin_azimuth, cos_azimuth), (sin_elevation, cos_elevation)] =
-        [azimuth_deg, elevation_deg].map(|degrees| libm::sincos(degrees * (PI / 180.0)));
-    Vector3::new(cos_elevation * cos_azimuth, cos_elevation * sin_azimuth, sin_elevation)
-}
-
-fn of_grid(grid: &Grid, [column, row]: [u32; 2]) -> Vector3<f64> {
-    let angle_deg = |index: u32, count: u16, full_cdeg: u16| {
-        ((f64::from(index) + 0.5) / f64::from(count) - 0.5) * f64::from(full_cdeg) / 100.0
-    };
-    unit(
-        angle_deg(column, grid.columns, grid.azimuth_cdeg),
-        angle_deg(row, grid.rows, grid.elevation_cdeg),
-    )
-}
-
-/// The head turns clockwise seen from above, so azimuth falls.
-fn of_head(head: &Spinning, beam: u32) -> Option<Vector3<f64>> {
-    let [_, laser] = head.column_and_laser(beam);
-    let [elevation, beside] = head.model.lasers().get(laser as usize)?.map(|v| f64::from(v) * 1e-4);
-    let [part, whole] = head.time(beam).map(f64::from);
-    let begin = if head.model.begins_behind() { 180.0 } else { 0.0 };
-    let beside = if head.model.offsets_are_clockwise() { -beside } else { beside };
-    Some(unit(begin - 360.0 * part / whole + beside, elevation))
-}
-
-fn of_rosette(rosette: &Rosette, scan: u32, beam: u32) -> Vector3<f64> {
-    let k = f64::from(scan) * f64::from(rosette.beams) + f64::from(beam) + 0.5;
-    let seconds = k / f64::from(rosette.rate_hz);
-    let arm = |i: usize| {
-        let (sin, cos) = libm::sincos(TAU * (f64::from(rosette.rotors_rpm[i]) / 60.0 * seconds));
-        Vector2::new(cos, sin) * (f64::from(rosette.bends_cdeg[i]) * (PI / 18_000.0))
-    };
-    let off = arm(0) + arm(1);
-    let angle = off.norm();
-    let side = if angle > 1e-9 { libm::sin(angle) / angle } else { 1.0 };
-    Vector3::new(libm::cos(angle), off.x * side, off.y * side)
 }

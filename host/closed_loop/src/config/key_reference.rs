@@ -10,7 +10,7 @@ use serde::Serialize;
 use toml::Value;
 
 use super::preset::{Preset, Strategy};
-use super::{LoadError, Override, RunConfig, ScannerConfig, keys, load, meaning};
+use super::{LoadError, Override, RunConfig, ScannerConfig, keys, load};
 use crate::parameters::{Axis, Ranges, ThetaReg};
 
 /// A key, explained.
@@ -242,7 +242,7 @@ fn of_lidar(parameter: &Parameter) -> Row {
         must,
         range: choices.is_empty().then_some([min, max]),
         choices,
-        help: meaning(parameter.id),
+        help: parameter.id.help(),
     }
 }
 

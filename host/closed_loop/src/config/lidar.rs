@@ -68,40 +68,6 @@ impl<'de> Visitor<'de> for LidarVisitor {
     }
 }
 
-/// What a parameter of the sensor is, in a sentence. Its table has none: an image would carry them.
-pub fn meaning(id: ParameterId) -> &'static str {
-    match id {
-        ParameterId::Power => "Peak power of the laser. At the least nothing is detected.",
-        ParameterId::PulseWidth => "Width of the pulse, at half its height.",
-        ParameterId::Gain => "Gain of the amplifier before the converter.",
-        ParameterId::WaveformResolution => "Samples of a waveform over the range window.",
-        ParameterId::Shots => "Shots of a beam that are added up.",
-        ParameterId::Saturation => "Where the detector takes a sample for saturated.",
-        ParameterId::NoiseFloor => "Least amplitude of an echo.",
-        ParameterId::SnrThreshold => "Least amplitude of an echo over the filtered noise's σ.",
-        ParameterId::Upsampling => "Points of the interpolation around a candidate, a sample.",
-        ParameterId::Denoise => "Filter before the detector.",
-        ParameterId::Ambient => "How the level without an echo is found.",
-        ParameterId::Timing => "Which moment of an echo is its time.",
-        ParameterId::MinSeparation => {
-            "Least distance of two echoes. Left out: it follows the pulse, 1.14·cW/2."
-        }
-        ParameterId::Echoes => "Echoes of a waveform that are kept, at most.",
-        ParameterId::EchoChoice => "Which echoes are kept.",
-        ParameterId::BlackLevel => "What the converter reads of no current.",
-        ParameterId::Dither => {
-            "Whether the shots of a beam begin at different moments of the sampling clock."
-        }
-        ParameterId::GainSlope => {
-            "By how much the gain rises with range up to where it is full; 0: it is so everywhere."
-        }
-        ParameterId::GainRange => "Range from which the gain is full.",
-        ParameterId::Overlap => {
-            "Range from which the receiver sees the whole beam; at nine tenths of it, nothing."
-        }
-    }
-}
-
 /// A parameter's name.
 struct Name(ParameterId);
 

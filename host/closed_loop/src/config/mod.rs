@@ -35,7 +35,7 @@ pub use emitter::EmitterConfig;
 pub use error::RunConfigError;
 pub use front::FrontConfig;
 pub use keys::{key, keys};
-pub use lidar::{Lidar, meaning};
+pub use lidar::Lidar;
 pub use load::{LoadError, Override, changed, load, parse, written};
 pub use motion::{JitterPer, Motion};
 pub use registration::RegistrationConfig;

@@ -1,4 +1,4 @@
-//! Whether one set of parameters errs less than another on the same pairs, and at what cost.
+//! Comparison of the errors and costs of two sets of parameters on the same pairs.
 
 use echoloop_random::Generator;
 use serde::{Deserialize, Serialize};
@@ -39,30 +39,29 @@ pub fn bootstrap(count: usize, figure: &dyn Fn(&[usize]) -> f64) -> [f64; 2] {
     [at(0.025), at(0.975)]
 }
 
-/// What each pair counts for: ‖T_est − T*‖_F, at most `cap`.
+/// ‖T_est − T*‖_F of each pair, at most `cap`.
 pub fn worths(errors: &[PairError], cap: f64) -> Vec<f64> {
     let worth = Worth { mean: ErrorMean::Arithmetic, cap };
     errors.iter().map(|error| worth.loss(error)).collect()
 }
 
-/// How the error of one set of parameters differs from that of another, in the mean of the same
-/// pairs.
+/// Mean difference of the errors of two sets of parameters on the same pairs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
-    /// The mean difference; below 0 the second errs less.
+    /// Mean difference; below 0 the second set has smaller errors.
     pub difference: f64,
     /// Its 95 % interval, by bootstrap over pairs.
     pub interval: [f64; 2],
-    /// The first's mean; 0 in results of before it was kept.
+    /// Mean of the first set; 0 in results written before it was kept.
     #[serde(default)]
     pub reference: f64,
 }
 
-/// Errors are the same when their difference is, with 95 %, less than this share of the first's.
+/// Errors are equal when the 95 % interval of their difference is within this share of the first.
 const SAME: f64 = 0.25;
 
 impl Comparison {
-    /// The second's errors less the first's, each at most `cap` (0: no cap).
+    /// Errors of the second set minus those of the first, each at most `cap` (0: no cap).
     pub fn new(first: &[PairError], second: &[PairError], cap: f64) -> Self {
         let (first, second) = (worths(first, cap), worths(second, cap));
         let differences: Vec<f64> = first.iter().zip(&second).map(|(a, b)| b - a).collect();
@@ -71,13 +70,13 @@ impl Comparison {
         Self { difference, interval: mean_interval(&differences), reference }
     }
 
-    /// The second errs more, beyond doubt.
+    /// True when the second set has significantly larger errors.
     pub fn is_worse(&self) -> bool {
         self.interval[0] > 0.0
     }
 
-    /// As words have it. Where the interval holds zero, the error is the same only if it holds
-    /// nothing far from zero either: few pairs prove nothing.
+    /// The comparison in words. Where the interval holds zero, errors are called equal only if it is
+    /// narrow: few pairs prove nothing.
     pub fn error(&self) -> &'static str {
         match self.interval {
             [low, _] if low > 0.0 => "a higher error",

@@ -1,5 +1,4 @@
-//! What tuning gained on pairs that both sets of parameters were judged on, and whether that could
-//! be chance.
+//! Gain of one set of parameters over another on the same pairs, and its significance.
 
 use serde::Serialize;
 
@@ -9,30 +8,31 @@ use crate::evaluation::objective::PairError;
 use crate::evaluation::summary::{Summary, median, succeeds};
 use echoloop_statistics::{coin, wilson};
 
-/// Fewer pairs prove nothing: if all five of five agree, a fair coin does so in 1 of 16 cases
-/// (sign test, two-sided).
+/// Least number of pairs for a significant gain: five of five agree by chance in 1 of 16 cases (sign
+/// test, two-sided).
 const FEWEST: usize = 6;
 
-/// A fair coin that does so seldom is not believed in.
+/// Significance level of the exact test.
 const LEVEL: f64 = 0.05;
 
-/// A figure and its 95 % interval. Not a number: there is none, as of means without a success.
+/// A figure and its 95 % interval; NaN where there is none, as for a mean without a success.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
     /// The figure.
     pub value: f64,
-    /// From, to.
+    /// Lower and upper end.
     pub interval: [f64; 2],
 }
 
-/// How a figure of one set of parameters differs from that of another on the same pairs.
+/// Difference of a figure between two sets of parameters on the same pairs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Difference {
-    /// The second's less the first's, and its interval by bootstrap over pairs.
+    /// Second minus first, with its interval by bootstrap over pairs.
     #[serde(flatten)]
     pub estimate: Estimate,
-    /// Whether chance is out: the interval leaves zero out, the pairs are at least six, and of
-    /// recall McNemar's exact test agrees (a bootstrap of few changed pairs believes too soon).
+    /// True when the difference is significant: the interval excludes zero, there are at least six
+    /// pairs, and for recall McNemar's exact test agrees (a bootstrap of few changed pairs is too
+    /// narrow).
     pub is_shown: bool,
 }
 
@@ -51,10 +51,10 @@ pub struct Figures<T> {
     pub median_rotation_deg: T,
 }
 
-/// A figure of some of a summary's pairs, by number; a pair may be there more than once.
+/// A figure of some pairs of a summary, given by index; an index may repeat.
 type Statistic = fn(&Judged<'_>, &[usize]) -> f64;
 
-/// Pairs and what counts as a success.
+/// Pairs, and the bounds of success.
 struct Judged<'a> {
     errors: &'a [PairError],
     data: &'a DataConfig,
@@ -109,8 +109,8 @@ const MEDIAN_ROTATION: Statistic =
     |judged, drawn| judged.median_of(drawn, |error| error.rotation_deg);
 
 impl Figures<Estimate> {
-    /// The figures of a summary: recall with Wilson's interval, the others with the percentiles of
-    /// a bootstrap over pairs (Efron and Tibshirani 1993, Ch. 13).
+    /// Figures of a summary: recall with Wilson's interval, the others with percentiles of a
+    /// bootstrap over pairs (Efron and Tibshirani 1993, Ch. 13).
     pub fn of(summary: &Summary, data: &DataConfig) -> Self {
         let judged = Judged { errors: &summary.errors, data };
         Self {
@@ -124,7 +124,7 @@ impl Figures<Estimate> {
 }
 
 impl Figures<Difference> {
-    /// The second's figures less the first's, of the same pairs in the same order.
+    /// Figures of the second summary minus those of the first, over the same pairs in the same order.
     pub fn between(first: &Summary, second: &Summary, data: &DataConfig) -> Self {
         let pair = [first, second].map(|summary| Judged { errors: &summary.errors, data });
         let count = first.errors.len().min(second.errors.len());

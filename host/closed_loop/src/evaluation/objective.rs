@@ -1,4 +1,4 @@
-//! What a candidate is worth: two scans through the sensor, a registration, an error.
+//! The objective f_opt (Eq. 4): two scans through the sensor, a registration, an error.
 
 use echoloop_dsp::{Echoes, Hardware, Settings};
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ use echoloop_registration::{Outcome, StopReason};
 use echoloop_sensors::client::ClientError;
 use echoloop_sensors::sensor::{Sensor, SensorError, Sensors, View};
 
-/// How one pair came out.
+/// Error of one registered pair.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PairError {
@@ -29,15 +29,15 @@ pub struct PairError {
     pub frobenius: f64,
     /// Points of both clouds.
     pub points: [usize; 2],
-    /// Why the registration ended.
+    /// Stop reason of the registration.
     pub stop: String,
-    /// Its iterations.
+    /// Iterations of the registration.
     pub iterations: usize,
 }
 
 impl PairError {
-    /// Whether no motion was found, so that the error is the initial guess's: for want of points,
-    /// pairs or matches, or of settings that can run.
+    /// True when no motion was found, for want of points, pairs, matches or valid settings. The error
+    /// is then that of the initial guess.
     pub fn is_of_no_motion(&self) -> bool {
         let of_nothing = [
             StopReason::EmptyCloud,
@@ -49,29 +49,29 @@ impl PairError {
     }
 }
 
-/// A pair's clouds and the motion found, for those who want to look.
+/// Clouds, scans and motion of a registered pair, to look at.
 #[derive(Clone, Debug)]
 pub struct Registered {
-    /// How it came out.
+    /// Error of the motion.
     pub error: PairError,
     /// First and second cloud, each in its sensor's frame.
     pub clouds: [Cloud; 2],
-    /// The motion found.
+    /// Motion found.
     pub first_from_second: Pose,
     /// First and second scan, as they came over the link.
     pub scans: [Vec<Echoes>; 2],
 }
 
-/// What every evaluation shares.
+/// Data set and sensors that all evaluations share.
 #[derive(Clone, Copy)]
 pub struct Bench<'a> {
-    /// The pairs and the scan pattern.
+    /// Pairs and scan pattern.
     pub dataset: &'a Dataset,
-    /// The sensors to scan with.
+    /// Sensors to scan with.
     pub sensors: &'a Sensors,
 }
 
-/// A pair, as one set of settings scanned it.
+/// A pair scanned with one set of settings.
 #[derive(Clone, Debug)]
 pub struct Scanned {
     /// First and second scan, as they came over the link.
@@ -80,7 +80,7 @@ pub struct Scanned {
     pub clouds: [Cloud; 2],
     /// Index of the pair in its set.
     pub pair: usize,
-    /// T*: `first_from_second`.
+    /// True motion T*, `first_from_second`.
     pub truth: Pose,
 }
 
@@ -90,7 +90,7 @@ impl Bench<'_> {
     ///
     /// # Errors
     ///
-    /// [`SensorError`] when the sensor does not do its part.
+    /// [`SensorError`] when the sensor fails.
     pub fn register(
         &self,
         parameters: &Parameters,
@@ -109,7 +109,7 @@ impl Bench<'_> {
     ///
     /// # Errors
     ///
-    /// [`SensorError`] when the sensor does not do its part.
+    /// [`SensorError`] when the sensor fails.
     pub fn scan(
         &self,
         settings: &Settings,
@@ -122,22 +122,21 @@ impl Bench<'_> {
         Ok(Scanned { scans, clouds, pair: index, truth: pair.truth })
     }
 
-    /// What costs hang on: a hardware, the pattern that is scanned with, and the time that a
-    /// configuration gives a scan, s.
+    /// Cost model of a scan, from the hardware, the scan pattern and the duration of a scan, s.
     pub fn scanner(&self, hardware: Hardware, duration_s: f64) -> Scanner {
         Scanner::new(hardware, self.dataset.beams.pattern(), duration_s)
     }
 
-    /// The points of the scan of a viewpoint, sensor frame.
+    /// Points of the scan of a viewpoint, sensor frame.
     pub fn cloud(&self, scan: &[Echoes], viewpoint: u32) -> Cloud {
         cloud_from_scan(scan, &self.dataset.beams.directions(viewpoint))
     }
 }
 
 impl Scanned {
-    /// How a registration comes out, from the identity, and the motion found.
+    /// Error of a registration from the identity, and the motion found.
     ///
-    /// One that finds nothing counts as the identity, its initial guess.
+    /// A registration that finds nothing returns the identity, its initial guess.
     pub fn register(&self, registration: &ThetaReg) -> (PairError, Pose) {
         let [first, second] = &self.clouds;
         let initial = Pose::identity();
@@ -178,15 +177,15 @@ fn pair_error(pair: usize, outcome: &Outcome, truth: &Pose, points: [usize; 2]) 
     }
 }
 
-/// No error counts for less in a geometric mean, ‖T_est − T*‖_F: a tenth of a millimetre.
+/// Lower bound of ‖T_est − T*‖_F in a geometric mean: a tenth of a millimetre.
 const LEAST: f64 = 1e-4;
 
-/// What errors are worth: smaller is better.
+/// Reduction of errors to one number; smaller is better.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Worth {
-    /// How they are put together.
+    /// Kind of mean.
     pub mean: ErrorMean,
-    /// None counts for more than this; 0: no cap (Eq. 3).
+    /// Cap of each error; 0: no cap (Eq. 3).
     pub cap: f64,
 }
 
@@ -206,7 +205,7 @@ impl Worth {
         }
     }
 
-    /// One pair's part in the mean: its error, or the logarithm.
+    /// Summand of one pair in the mean: its error, or its logarithm.
     pub fn loss(&self, error: &PairError) -> f64 {
         let cap = if self.cap > 0.0 { self.cap } else { f64::INFINITY };
         let capped = error.frobenius.min(cap);

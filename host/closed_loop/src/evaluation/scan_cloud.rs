@@ -1,4 +1,4 @@
-//! From a scan's echoes to a cloud.
+//! Conversion of the echoes of a scan to a cloud.
 
 use echoloop_dsp::{Echo, Echoes};
 use echoloop_registration::cloud::attribute::{
@@ -9,7 +9,7 @@ use nalgebra::{Point3, Vector3};
 
 use crate::beams::Beams;
 
-/// The points of a scan, sensor frame, m, with their σ_R: one for each echo of each beam.
+/// Points of a scan, sensor frame, m, with their σ_R: one for each echo of each beam.
 /// `directions` are the beams' unit vectors.
 pub fn cloud_from_scan(scan: &[Echoes], directions: &[Vector3<f32>]) -> Cloud {
     let beams = || scan.iter().zip(directions);
@@ -18,8 +18,8 @@ pub fn cloud_from_scan(scan: &[Echoes], directions: &[Vector3<f32>]) -> Cloud {
     Cloud { range_sd_m: Some(range_sd_m), ..Cloud::new(points.collect()) }
 }
 
-/// As [`cloud_from_scan`], with all that the sensor tells of each echo. Ring, column and time are
-/// the pattern's, of a scan that takes as long as configured: the link tells no times.
+/// As [`cloud_from_scan`], with all that the sensor tells of each echo. Ring, column and time follow
+/// from the pattern and the configured duration: the link carries no times.
 pub fn recorded_from_scan(
     scan: &[Echoes],
     beams: &Beams,
@@ -50,7 +50,7 @@ pub fn recorded_from_scan(
     Recorded { cloud: cloud_from_scan(scan, directions), columns, left_out: Vec::new() }
 }
 
-/// An echo, its beam, and how many of that beam's echoes come before it.
+/// An echo, its beam, and its index within the beam by range, from 0.
 struct Told<'a> {
     beam: u32,
     echo: &'a Echo,
@@ -69,12 +69,12 @@ impl<'a> Told<'a> {
     }
 }
 
-/// What the sensor tells of an echo's range, m.
+/// σ_R of an echo as the sensor tells it, m.
 fn range_sd_m(echo: &Echo) -> f32 {
     f32::from(echo.deviation) / 256e3
 }
 
-/// The point an echo comes from along a beam's unit vector, m.
+/// Point of an echo along the unit vector of its beam, m.
 fn point_m(direction: &Vector3<f32>, echo: &Echo) -> Point3<f32> {
     Point3::from(direction * (echo.range as f32 / 256e3))
 }

@@ -1,4 +1,4 @@
-//! Judging parameters on pairs: recall, errors, distributions.
+//! Summary of parameters on a set of pairs: recall and errors.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -11,10 +11,10 @@ use crate::parameters::Parameters;
 use crate::seed::{Purpose, derive};
 use echoloop_sensors::sensor::SensorError;
 
-/// How parameters did on a set of pairs.
+/// Recall, errors and cost of parameters on a set of pairs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
-    /// Pairs judged.
+    /// Number of pairs.
     pub pairs: usize,
     /// Share within the bounds of success, percent.
     pub recall_pct: f64,
@@ -30,21 +30,21 @@ pub struct Summary {
     pub mean_frobenius: f64,
     /// Mean points of a cloud.
     pub mean_points: f64,
-    /// What a scan of these pairs cost in the mean, where that was asked.
+    /// Mean cost of a scan of these pairs, where costs were measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cost: Option<ScanCost>,
-    /// Every pair.
+    /// Error of every pair.
     pub errors: Vec<PairError>,
 }
 
-/// Whether a pair is registered (Sec. 4.3).
+/// True when a pair is registered: both errors within the bounds of success (Sec. 4.3).
 pub fn succeeds(error: &PairError, data: &DataConfig) -> bool {
     error.translation_m <= data.success_translation_m
         && error.rotation_deg <= data.success_rotation_deg
 }
 
 impl Summary {
-    /// Sums up errors; there must be at least one.
+    /// Summary of at least one error.
     pub fn from_errors(errors: Vec<PairError>, data: &DataConfig) -> Self {
         let successes: Vec<&PairError> = errors.iter().filter(|e| succeeds(e, data)).collect();
         let over_successes = |value: fn(&PairError) -> f64| {
@@ -68,7 +68,7 @@ impl Summary {
     }
 }
 
-/// The median; NaN of nothing.
+/// Median; NaN for no values.
 pub fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -86,18 +86,18 @@ pub struct NoisyPairs<'a> {
     pub pairs: &'a [ScanPair],
     /// The run's seed.
     pub seed: u64,
-    /// What they are registered for: each purpose has noise of its own.
+    /// Purpose of the registrations; each has noise of its own.
     pub purpose: Purpose,
 }
 
 impl NoisyPairs<'_> {
-    /// The seed of one pair's noise.
+    /// Seed of the noise of one pair.
     pub fn noise_seed(&self, index: usize) -> u64 {
         derive(self.seed, self.purpose, index as u64)
     }
 }
 
-/// Registers every pair, in parallel; results in the pairs' order. `done` hears of each.
+/// Registers every pair in parallel; results in the order of the pairs. `done` is called after each.
 ///
 /// # Errors
 ///
@@ -111,7 +111,7 @@ pub fn evaluate(
     evaluate_with(bench, parameters, noisy, done, &|registered| registered.error)
 }
 
-/// As [`evaluate`], summed up, with what a scan cost in the mean of all.
+/// Summary of [`evaluate`], with the mean cost of a scan.
 ///
 /// # Errors
 ///

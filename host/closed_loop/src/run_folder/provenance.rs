@@ -1,5 +1,5 @@
-//! When a run was made, by which program, with which command: what its result leaves out, so that
-//! equal runs have equal results.
+//! Provenance of a run: time, program and command. Results leave it out, so that equal runs have
+//! equal results.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -14,12 +14,12 @@ use crate::run_folder::run::{ABOUT, RunFolder};
 /// Version of the file's format.
 const FORMAT: u32 = 1;
 
-/// What made a run: who began it, then everybody who went on with it.
+/// Commands that made a run: the one that began it, then those that resumed it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct About {
     /// Version of this format.
     pub format: u32,
-    /// The commands, oldest first.
+    /// Commands, oldest first.
     pub sessions: Vec<Session>,
 }
 
@@ -30,14 +30,14 @@ pub struct Session {
     pub version: String,
     /// Checksum of the program's file, where it can be read.
     pub build: Option<String>,
-    /// When it began, UTC: 2026-11-22T17:05:00Z.
+    /// Start time, UTC: 2026-11-22T17:05:00Z.
     pub begun: String,
     /// The command as a shell takes it.
     pub command: String,
 }
 
 impl Session {
-    /// This process.
+    /// Command of this process.
     pub fn now() -> Self {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let own = std::env::args_os().skip(1);
@@ -56,12 +56,12 @@ impl Session {
 }
 
 impl About {
-    /// What a run's folder says of itself; nothing where it says nothing, as in one of an earlier
+    /// Reads the provenance of a run's folder; empty where there is none, as in one of an earlier
     /// version.
     ///
     /// # Errors
     ///
-    /// [`FileError`] when there is something that cannot be read, or is of another format.
+    /// [`FileError`] when the file cannot be read, or has another format.
     pub fn read(folder: &std::path::Path) -> Result<Self, FileError> {
         let path = folder.join(ABOUT);
         let fail = |what: String| {
@@ -83,7 +83,7 @@ impl About {
         }
     }
 
-    /// Adds this process to what a run's folder says of itself.
+    /// Adds this process to the provenance of a run's folder.
     ///
     /// # Errors
     ///
@@ -97,7 +97,7 @@ impl About {
     }
 }
 
-/// A word as a shell takes it, in quotes where it needs them.
+/// A word in shell syntax, quoted where needed.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_=+.,/:@%".contains(c);
     match !word.is_empty() && word.chars().all(plain) {
@@ -106,7 +106,7 @@ fn quoted(word: &str) -> String {
     }
 }
 
-/// That many seconds after 1970, UTC. A clock beyond the year 9999 is as good as none.
+/// Time of a number of seconds after 1970, UTC. A clock beyond the year 9999 counts as none.
 fn utc(since_s: u64) -> String {
     let since_s = i64::try_from(since_s).unwrap_or_default();
     let time = OffsetDateTime::from_unix_timestamp(since_s).unwrap_or(OffsetDateTime::UNIX_EPOCH);
