@@ -1,17 +1,17 @@
-//! What a key's value may be: the types of the fields.
+//! Kinds of values, and the types of the fields that hold them.
 
-use crate::must::Must;
+use crate::bounds::Bounds;
 
-/// How a value is written.
+/// Kind of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A whole number.
     Whole,
     /// A number.
     Number,
-    /// So many numbers.
+    /// This many numbers.
     Numbers(usize),
-    /// Whole numbers, as many as there are.
+    /// Any number of whole numbers.
     List,
     /// `true` or `false`.
     Flag,
@@ -19,19 +19,19 @@ pub enum Kind {
     Text,
 }
 
-/// The type of a field that is a key. Of a choice by name, whose type reads no other names, nothing
-/// need be said.
+/// Type of a field that is a key. A choice by name, whose type reads no other names, implements
+/// nothing.
 pub trait Value {
-    /// How it is written.
+    /// Kind of its values.
     const KIND: Kind = Kind::Text;
 
-    /// Whether it is as it must be.
-    fn is_as(&self, _must: &Must) -> bool {
+    /// True when the value is within bounds.
+    fn is_within(&self, _bounds: &Bounds) -> bool {
         true
     }
 
-    /// As a message repeats it.
-    fn shown(&self) -> String {
+    /// The value as a message repeats it.
+    fn printed(&self) -> String {
         String::new()
     }
 }
@@ -41,11 +41,11 @@ macro_rules! numbers {
         impl Value for $type {
             const KIND: Kind = Kind::$kind;
 
-            fn is_as(&self, must: &Must) -> bool {
-                must.holds(*self as f64)
+            fn is_within(&self, bounds: &Bounds) -> bool {
+                bounds.allows(*self as f64)
             }
 
-            fn shown(&self) -> String {
+            fn printed(&self) -> String {
                 self.to_string()
             }
         }
@@ -58,11 +58,11 @@ numbers!(Whole: u8, u16, u32, u64, usize);
 impl<const N: usize> Value for [f64; N] {
     const KIND: Kind = Kind::Numbers(N);
 
-    fn is_as(&self, must: &Must) -> bool {
-        self.iter().all(|&number| must.holds(number))
+    fn is_within(&self, bounds: &Bounds) -> bool {
+        self.iter().all(|&number| bounds.allows(number))
     }
 
-    fn shown(&self) -> String {
+    fn printed(&self) -> String {
         format!("{self:?}")
     }
 }
@@ -70,28 +70,28 @@ impl<const N: usize> Value for [f64; N] {
 impl Value for Vec<u64> {
     const KIND: Kind = Kind::List;
 
-    fn is_as(&self, must: &Must) -> bool {
-        match must {
-            Must::Count(range, _) => range.holds(self.len() as f64),
-            _ => self.iter().all(|&number| must.holds(number as f64)),
+    fn is_within(&self, bounds: &Bounds) -> bool {
+        match bounds {
+            Bounds::Count(range, _) => range.contains(self.len() as f64),
+            _ => self.iter().all(|&number| bounds.allows(number as f64)),
         }
     }
 
-    fn shown(&self) -> String {
+    fn printed(&self) -> String {
         format!("{self:?}")
     }
 }
 
-/// What is left out is as it must be.
+/// A value that is left out is within any bounds.
 impl<T: Value> Value for Option<T> {
     const KIND: Kind = T::KIND;
 
-    fn is_as(&self, must: &Must) -> bool {
-        self.as_ref().is_none_or(|value| value.is_as(must))
+    fn is_within(&self, bounds: &Bounds) -> bool {
+        self.as_ref().is_none_or(|value| value.is_within(bounds))
     }
 
-    fn shown(&self) -> String {
-        self.as_ref().map_or_else(|| "none".to_owned(), T::shown)
+    fn printed(&self) -> String {
+        self.as_ref().map_or_else(|| "none".to_owned(), T::printed)
     }
 }
 
@@ -100,7 +100,7 @@ impl Value for bool {
 }
 
 impl Value for String {
-    fn shown(&self) -> String {
+    fn printed(&self) -> String {
         format!("{self:?}")
     }
 }

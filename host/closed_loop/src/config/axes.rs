@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
-use echoloop_dsp::ParameterId;
 use echoloop_files::shown;
-use echoloop_registration::setting;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::parameters::tunable;
 
 /// How the user wants an axis.
 ///
@@ -106,14 +106,6 @@ impl OwnAxes {
 /// The sections that parameters lie in.
 const SECTIONS: [&str; 2] = ["lidar", "registration"];
 
-/// The full name of a parameter as it is called today.
-fn known(section: &str, key: &str) -> Option<String> {
-    match section {
-        "lidar" => ParameterId::by_name(key).map(|id| format!("lidar.{}", id.parameter().name)),
-        _ => setting(key).map(|setting| setting.path.to_owned()),
-    }
-}
-
 impl Serialize for OwnAxes {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut sections: BTreeMap<&str, BTreeMap<&str, String>> = BTreeMap::new();
@@ -152,17 +144,18 @@ impl<'de> Visitor<'de> for Sections {
                 return Err(A::Error::unknown_field(&section, &SECTIONS));
             };
             for (key, choice) in map.next_value::<BTreeMap<String, Text>>()? {
-                let Some(name) = known(section, &key) else {
+                let Some(parameter) = tunable(&format!("{section}.{key}")) else {
                     let key = shown(&key);
                     return Err(A::Error::custom(format_args!(
                         "there is no parameter `{section}.{key}` to tune; \
                          `echoloop config --parameters` lists them"
                     )));
                 };
+                let name = parameter.key;
                 let choice = choice.0.parse().map_err(|problem| {
                     A::Error::custom(format_args!("tune.axes.{name}: {problem}"))
                 })?;
-                axes.0.insert(name, choice);
+                axes.0.insert(name.to_owned(), choice);
             }
         }
         Ok(axes)

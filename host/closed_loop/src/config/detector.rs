@@ -1,6 +1,6 @@
 //! `[detector]`: who finds the echoes.
 
-use echoloop_parameters::{Must, section};
+use echoloop_parameters::{Bounds, section};
 use serde::{Deserialize, Serialize};
 
 use echoloop_sensors::sensor::Detector;
@@ -10,7 +10,7 @@ section! {
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct DetectorConfig in "detector" {
-        kind: Detector, "", Must::Name(&["firmware", "ideal"]),
+        kind: Detector, "", Bounds::OneOf(&["firmware", "ideal"]),
             "`firmware`: the sensor's program, in integers. `ideal`: maximum likelihood in \
              floating point, as no sensor could, to hold the program to; in process alone.";
     }

@@ -1,7 +1,7 @@
 //! `[emitter]`: what the laser may emit.
 
 use echoloop_dsp::Hardware;
-use echoloop_parameters::{Must, section};
+use echoloop_parameters::{Bounds, section};
 use serde::{Deserialize, Serialize};
 
 section! {
@@ -9,7 +9,7 @@ section! {
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct EmitterConfig in "emitter" {
-        energy_limit_nj: f64, "nJ", Must::between(LEAST_NJ, GREATEST_NJ),
+        energy_limit_nj: f64, "nJ", Bounds::between(LEAST_NJ, GREATEST_NJ),
             "Greatest energy of a pulse, power times width, nJ: the sensor refuses settings above \
              it. It keeps a search from buying signal with power. A board on a serial line has a \
              limit of its own.";

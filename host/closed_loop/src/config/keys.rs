@@ -2,7 +2,7 @@
 //! which have tables of their own.
 
 use echoloop_frontend::{Receiver, Weather};
-use echoloop_parameters::{Key, Kind, Must};
+use echoloop_parameters::{Bounds, Kind, Parameter};
 
 use super::registration::OWN_KEYS;
 use super::tune::WARM_STARTS;
@@ -11,29 +11,29 @@ use super::{
     TuneConfig, Weights,
 };
 
-const RUN: &[Key] = &[Key {
-    name: "seed",
+const RUN: &[Parameter] = &[Parameter {
+    key: "seed",
     unit: "",
     kind: Kind::Whole,
-    must: Must::SEED,
+    bounds: Bounds::SEED,
     help: "Decides every random choice.",
 }];
 
 /// A section with a key for each parameter of a search.
-const AXES: Key = Key {
-    name: "tune.axes",
+const AXES: Parameter = Parameter {
+    key: "tune.axes",
     unit: "",
     kind: Kind::Text,
-    must: Must::Read(
+    bounds: Bounds::Words(
         "of a parameter, as lidar.power: fixed, free, or bounds as 1..100 or 1..100,log",
     ),
     help: "Which parameters are searched, and how far, where that is not as usual.",
 };
 
-const OF_PARAMETERS: &[Key] = &[AXES, WARM_STARTS];
+const OF_PARAMETERS: &[Parameter] = &[AXES, WARM_STARTS];
 
 /// The keys, in the order of the file.
-pub fn keys() -> impl Iterator<Item = &'static Key> {
+pub fn keys() -> impl Iterator<Item = &'static Parameter> {
     let sections = [
         RUN,
         SceneConfig::KEYS,
@@ -54,6 +54,6 @@ pub fn keys() -> impl Iterator<Item = &'static Key> {
 }
 
 /// The key of that name.
-pub fn key(name: &str) -> Option<&'static Key> {
-    keys().find(|key| key.name == name)
+pub fn key(name: &str) -> Option<&'static Parameter> {
+    keys().find(|key| key.key == name)
 }

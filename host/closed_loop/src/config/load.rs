@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use echoloop_files::{MOST_SHOWN, MOST_TEXT, printable, read_text, shown, shown_most};
-use echoloop_parameters::{Key, Kind};
+use echoloop_parameters::{Kind, Parameter, Refused};
 use thiserror::Error;
 
 use super::keys::{key, keys};
-use super::{DataConfig, RunConfig, RunConfigError, TuneConfig};
+use super::{DataConfig, RunConfig, TuneConfig};
 use crate::config::preset::Strategy;
 
 /// Why there is no configuration.
@@ -38,9 +38,9 @@ pub enum LoadError {
         /// What.
         message: String,
     },
-    /// A value makes no sense.
-    #[error("{0}")]
-    Value(#[from] RunConfigError),
+    /// A value is out of bounds.
+    #[error(transparent)]
+    Value(#[from] Refused),
 }
 
 /// One `a.b=v` of the command line.
@@ -110,7 +110,7 @@ impl Override {
     /// What its key takes, of one that takes numbers.
     fn wanted(&self) -> Option<String> {
         let key = key(&self.keys.join(".")).filter(|key| takes_numbers(key))?;
-        Some(format!("expected {}", key.wanted()))
+        Some(format!("expected {}", key.expected_of_text()))
     }
 
     fn insert(&self, table: &mut toml::Table) -> Result<(), String> {
@@ -226,25 +226,25 @@ fn read(path: &Path) -> Result<toml::Table, LoadError> {
 }
 
 /// Of its key a reader's message says the type alone, `usize`: what it takes is said here.
-fn takes_numbers(key: &Key) -> bool {
+fn takes_numbers(key: &Parameter) -> bool {
     !matches!(key.kind, Kind::Text)
 }
 
 /// Which key of a file takes no such value, and what it takes.
 fn wanted(text: &str) -> Option<String> {
     let table: toml::Table = toml::from_str(text).ok()?;
-    let is_wrong = |key: &&Key| {
-        let path: Vec<String> = key.name.split('.').map(str::to_owned).collect();
+    let is_wrong = |key: &&Parameter| {
+        let path: Vec<String> = key.key.split('.').map(str::to_owned).collect();
         let at = |value: &toml::Value, key: &String| value.as_table()?.get(key).cloned();
         let whole = toml::Value::Table(table.clone());
         let Some(value) = path.iter().try_fold(whole, |value, key| at(&value, key)) else {
             return false;
         };
-        let (mut alone, change) = (toml::Table::new(), Override::flag(key.name, value));
+        let (mut alone, change) = (toml::Table::new(), Override::flag(key.key, value));
         change.insert(&mut alone).is_ok() && alone.try_into::<RunConfig>().is_err()
     };
     let key = keys().filter(|key| takes_numbers(key)).find(is_wrong)?;
-    Some(format!("\n{}: expected {}", key.name, key.wanted()))
+    Some(format!("\n{}: expected {}", key.key, key.expected_of_text()))
 }
 
 /// The configuration of a text, unchecked.

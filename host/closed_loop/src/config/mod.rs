@@ -5,7 +5,6 @@ mod choices;
 mod data;
 mod detector;
 mod emitter;
-mod error;
 mod front;
 pub mod key_reference;
 mod keys;
@@ -22,7 +21,9 @@ mod weights;
 use std::path::PathBuf;
 
 use echoloop_dsp::Hardware;
+use echoloop_files::shown;
 use echoloop_frontend::{Receiver, Weather};
+use echoloop_parameters::Refused;
 use echoloop_sensors::boards::pc::hardware_for;
 use serde::{Deserialize, Serialize};
 
@@ -32,7 +33,6 @@ pub use detector::DetectorConfig;
 pub use echoloop_registration::{FgrMode, Method};
 use echoloop_sensors::sensor::Model;
 pub use emitter::EmitterConfig;
-pub use error::RunConfigError;
 pub use front::FrontConfig;
 pub use keys::{key, keys};
 pub use lidar::Lidar;
@@ -132,8 +132,14 @@ impl RunConfig {
     ///
     /// # Errors
     ///
-    /// [`RunConfigError`] names the first key out of bounds.
-    pub fn check(&self) -> Result<(), RunConfigError> {
+    /// [`Refused`] names the first key out of bounds, with as much of its value as a message can
+    /// hold.
+    pub fn check(&self) -> Result<(), Refused> {
+        let shortened = |refused: Refused| Refused { value: shown(&refused.value), ..refused };
+        self.check_sections().map_err(shortened)
+    }
+
+    fn check_sections(&self) -> Result<(), Refused> {
         self.receiver.check()?;
         self.weather.check()?;
         self.motion.check_keys()?;

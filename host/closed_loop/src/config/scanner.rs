@@ -5,10 +5,9 @@ use std::sync::{Arc, OnceLock};
 
 use echoloop_dsp::{Grid, Rosette, ScanPattern, Spinning, SpinningModel};
 use echoloop_files::shown;
-use echoloop_parameters::{Must, Refused, section};
+use echoloop_parameters::{Bounds, Refused, section};
 use serde::{Deserialize, Serialize};
 
-use super::error::RunConfigError;
 use crate::beams::Beams;
 use crate::beams::list::{BeamList, MOST_LISTED};
 use echoloop_sensors::pattern::MOST_BEAMS;
@@ -20,26 +19,26 @@ section! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(from = "Given")]
     pub struct ScannerConfig in "scanner" {
-        pattern: String, "", Must::Read("one of grid, raster, vlp-16, vlp-32c, vls-128, hdl-64e, \
+        pattern: String, "", Bounds::Words("one of grid, raster, vlp-16, vlp-32c, vls-128, hdl-64e, \
              os1-64, os1-128, livox-mid-40, or a table as FILE.csv"),
             "Where the beams point: `grid`, `raster`, a sensor (`vlp-16`, `vlp-32c`, `vls-128`, \
              `hdl-64e`, `os1-64`, `os1-128`, `livox-mid-40`), or a table: FILE.csv.";
         #[serde(skip_serializing_if = "Option::is_none")]
-        columns: Option<u16>, "beams", Must::between(1.0, MOST_BEAMS[0] as f64),
+        columns: Option<u16>, "beams", Bounds::between(1.0, MOST_BEAMS[0] as f64),
             "Beams along azimuth: of a grid, a raster, a turn of a spinning sensor.";
         #[serde(skip_serializing_if = "Option::is_none")]
-        rows: Option<u16>, "beams", Must::between(1.0, MOST_BEAMS[1] as f64),
+        rows: Option<u16>, "beams", Bounds::between(1.0, MOST_BEAMS[1] as f64),
             "Beams along elevation, of a grid or a raster.";
         #[serde(skip_serializing_if = "Option::is_none")]
-        azimuth_deg: Option<f64>, "°", Must::between(0.01, 360.0),
+        azimuth_deg: Option<f64>, "°", Bounds::between(0.01, 360.0),
             "Full azimuth range of a grid or a raster, degrees.";
         #[serde(skip_serializing_if = "Option::is_none")]
-        elevation_deg: Option<f64>, "°", Must::between(0.01, 180.0),
+        elevation_deg: Option<f64>, "°", Bounds::between(0.01, 180.0),
             "Full elevation range of a grid or a raster, degrees.";
         #[serde(skip_serializing_if = "Option::is_none")]
-        beams: Option<u32>, "beams", Must::between(1.0, MOST_LISTED as f64),
+        beams: Option<u32>, "beams", Bounds::between(1.0, MOST_LISTED as f64),
             "Beams of a scan, of a rosette (`livox-mid-40`).";
-        height_m: f64, "m", Must::between(0.1, 100.0),
+        height_m: f64, "m", Bounds::between(0.1, 100.0),
             "Height above the ground, m.";
     }
     beside {
@@ -217,8 +216,8 @@ impl ScannerConfig {
     }
 
     /// Checks all but the table's times, which hang on the scan's.
-    pub(super) fn check(&self) -> Result<(), RunConfigError> {
-        let Some(kind) = Kind::of(&self.pattern) else { return Err(self.unknown().into()) };
+    pub(super) fn check(&self) -> Result<(), Refused> {
+        let Some(kind) = Kind::of(&self.pattern) else { return Err(self.unknown()) };
         self.check_what_applies(kind)?;
         self.check_keys()?;
         match (kind, self.read()) {
@@ -229,15 +228,16 @@ impl ScannerConfig {
 
     fn unknown(&self) -> Refused {
         let key = &Self::KEYS[0];
-        key.refused(format_args!("{:?}", shown(&self.pattern)), key.must)
+        key.refused(format_args!("{:?}", shown(&self.pattern)), key.bounds)
     }
 
-    fn table(&self, reason: &str) -> RunConfigError {
-        RunConfigError::Table { path: shown(&self.pattern), reason: reason.to_owned() }
+    fn table(&self, reason: &str) -> Refused {
+        let (key, value) = (Self::KEYS[0].key, shown(&self.pattern));
+        Refused { key, value, problem: format!(": {reason}") }
     }
 
     /// No beam of a table after the end of a scan that takes its time.
-    pub(super) fn check_times(&self, duration_s: f64) -> Result<(), RunConfigError> {
+    pub(super) fn check_times(&self, duration_s: f64) -> Result<(), Refused> {
         let Some(list) = self.list().filter(|_| duration_s > 0.0) else { return Ok(()) };
         let (latest_ns, line) = list.latest;
         match latest_ns as f64 / 1e9 {
@@ -265,7 +265,7 @@ impl ScannerConfig {
                     let expected = format!("left out: a pattern {:?} has none", self.pattern);
                     return Err(key.refused(value, expected));
                 }
-                None if applies => return Err(key.refused("none", key.must)),
+                None if applies => return Err(key.refused("none", key.bounds)),
                 _ => {}
             }
         }
@@ -311,7 +311,7 @@ mod tests {
     fn the_key_names_every_pattern() {
         let names = NAMED.map(|(name, _)| name).join(", ");
         let expected = format!("one of {names}, or a table as FILE.csv");
-        assert_eq!(ScannerConfig::KEYS[0].must.to_string(), expected);
+        assert_eq!(ScannerConfig::KEYS[0].bounds.to_string(), expected);
         let named = |name| ScannerConfig::KEYS[0].help.contains(&format!("`{name}`"));
         assert!(NAMED.iter().all(|(name, _)| named(name)));
     }

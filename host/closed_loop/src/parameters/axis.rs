@@ -1,9 +1,8 @@
 //! One axis of the unit cube.
 
+use echoloop_parameters::Refused;
 use echoloop_registration::config::Spacing;
 use serde::{Deserialize, Serialize};
-
-use super::error::ValueError;
 
 /// How values lie along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -81,21 +80,17 @@ impl Axis {
         }
     }
 
-    pub(super) fn require(&self, value: f64) -> Result<(), ValueError> {
+    pub(super) fn require(&self, value: f64) -> Result<(), Refused> {
         if self.cells().is_some() && value.is_finite() && value.fract() != 0.0 {
-            return Err(ValueError::Fraction { name: self.name.to_owned(), value });
+            return Err(Refused::new(self.name, value, "a whole number"));
         }
-        if (self.min..=self.max).contains(&value) {
+        let Self { name: key, min, max, unit, .. } = *self;
+        if (min..=max).contains(&value) {
             return Ok(());
         }
-        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
-        Err(ValueError::Range {
-            name: self.name.to_owned(),
-            value,
-            min: self.min,
-            max: self.max,
-            unit,
-        })
+        let space = if unit.is_empty() { "" } else { " " };
+        let problem = format!(" is outside {min} to {max}{space}{unit}");
+        Err(Refused { key, value: value.to_string(), problem })
     }
 }
 

@@ -6,7 +6,8 @@ use echoloop_registration::{Method, setting};
 use super::axis::{Axis, Scale};
 use super::error::ValueError;
 use super::ranges::free_setting;
-use super::{Parameters, Space, choices, lidar_axis, theta_reg};
+use super::table::{lidar_axis, tunable};
+use super::{Parameters, Space, choices, theta_reg};
 use crate::config::preset::{PowerRange, Preset};
 use crate::config::{AxisChoice, OwnAxes};
 
@@ -100,9 +101,8 @@ fn is_power_of_two(value: f64) -> bool {
 fn accepted(axis: &Axis, method: Method) -> Result<(), String> {
     let Axis { min, max, .. } = *axis;
     let unit = if axis.unit.is_empty() { String::new() } else { format!(" {}", axis.unit) };
-    if let Some(id) = axis.name.strip_prefix("lidar.").and_then(ParameterId::by_name) {
-        let p = id.parameter();
-        let [least, most] = [p.min, p.max].map(|code| p.to_unit(code));
+    if let Some(sensor) = tunable(axis.name).and_then(|row| row.bounds.range()) {
+        let (least, most) = (sensor.min, sensor.max);
         return match least <= min && max <= most {
             true => Ok(()),
             false => Err(format!(

@@ -8,15 +8,16 @@ mod custom_axes;
 mod error;
 mod ranges;
 mod repair;
+mod table;
 mod theta_reg;
 mod written;
 
 use std::collections::BTreeMap;
-use std::sync::LazyLock;
 
 use echoloop_cmaes::Coordinate;
-use echoloop_dsp::{Hardware, Kind, PARAMETERS, ParameterId, Settings};
+use echoloop_dsp::{Hardware, PARAMETERS, ParameterId, Settings};
 use echoloop_files::shown;
+use echoloop_parameters::Refused;
 
 use crate::config::RunConfig;
 use crate::config::preset::{LidarPreset, PowerRange, Preset, Protocol};
@@ -26,8 +27,11 @@ pub use axis::{Axis, Scale};
 pub use error::ValueError;
 pub use ranges::Ranges;
 pub use repair::{Limits, repair};
+pub use table::{Row, choices, table, tunable, tunable_rows};
 pub use theta_reg::{ThetaReg, axes};
 pub use written::{written, written_values};
+
+use table::{is_whole, lidar_axis, lidar_name};
 
 /// One whole set of parameters, sensor and registration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,14 +64,6 @@ pub fn effective(values: &Values, name: &str) -> Option<f64> {
             .then(|| values.get("lidar.pulse_width").map(|&width_ns| follow(width_ns)))
             .flatten()
     })
-}
-
-/// The names that a named parameter chooses from, by number from 0; none when it is no choice.
-pub fn choices(name: &str) -> &'static [&'static str] {
-    match name.strip_prefix("lidar.").and_then(ParameterId::by_name).map(|id| id.parameter().kind) {
-        Some(Kind::Choice { names }) => names,
-        _ => &[],
-    }
 }
 
 impl Parameters {
@@ -162,30 +158,24 @@ impl Parameters {
 /// finite, and whole where it must be.
 fn recognised(values: &Values, registration: &[Axis]) -> Result<Values, ValueError> {
     let named = values.iter().map(|(given, &value)| {
-        let name = theta_reg::current_name(given);
-        let id = name.strip_prefix("lidar.").and_then(ParameterId::by_name);
-        if id.is_none() && !registration.iter().any(|axis| axis.name == name) {
+        let is_known = |name: &str| {
+            name.starts_with("lidar.") || registration.iter().any(|axis| axis.name == name)
+        };
+        let Some(name) = tunable(given).map(|row| row.key).filter(|name| is_known(name)) else {
             let sensor = PARAMETERS.iter().map(|p| format!("lidar.{}", p.name));
             let own = registration.iter().map(|axis| axis.name.to_owned());
             let known: Vec<String> = sensor.chain(own).collect();
             return Err(ValueError::Unknown(shown(given), known.join(", ")));
-        }
+        };
         if !value.is_finite() {
-            return Err(ValueError::NotFinite { name, value });
+            return Err(Refused::new(name, value, "finite").into());
         }
-        if is_whole(&name) && value.fract() != 0.0 {
-            return Err(ValueError::Fraction { name, value });
+        if is_whole(name) && value.fract() != 0.0 {
+            return Err(Refused::new(name, value, "a whole number").into());
         }
-        Ok((name, value))
+        Ok((name.to_owned(), value))
     });
     named.collect()
-}
-
-/// Whether the parameter of that name takes whole numbers only.
-fn is_whole(name: &str) -> bool {
-    let id = name.strip_prefix("lidar.").and_then(ParameterId::by_name);
-    let count = name.strip_prefix(theta_reg::SECTION).is_some_and(theta_reg::is_count);
-    count || id.is_some_and(|id| !matches!(id.parameter().kind, Kind::Real { .. }))
 }
 
 /// The cube a search moves in.
@@ -307,7 +297,7 @@ impl Space {
     fn limits(&self) -> Limits {
         let settings = &self.start.settings;
         let bounds = |id: ParameterId, fixed: i32| {
-            let name = &LIDAR_NAMES[id as usize];
+            let name = lidar_name(id);
             let axis = self.axes.iter().find(|axis| axis.name == name);
             let code = |value| id.parameter().to_code(value);
             axis.map_or([fixed; 2], |axis| [code(axis.min), code(axis.max)])
@@ -331,38 +321,10 @@ impl Space {
     }
 }
 
-/// An axis of Θ_lidar, from the firmware's table; that of power as far as a search may go.
-fn lidar_axis(id: ParameterId, power: PowerRange, start: &Settings) -> Axis {
-    let p = id.parameter();
-    let scale = match p.kind {
-        Kind::Real { log: true } => Scale::Log,
-        Kind::Real { log: false } => Scale::Linear,
-        Kind::Integer => Scale::Integer,
-        Kind::PowerOfTwo => Scale::PowerOfTwo,
-        Kind::Choice { .. } => Scale::Integer,
-    };
-    let default = p.to_unit(p.default.unwrap_or_else(|| start.separation_mm().clamp(p.min, p.max)));
-    let min = match id {
-        ParameterId::Power => power.least_w(p.to_unit(start.power_uw)),
-        _ => p.to_unit(p.min),
-    };
-    Axis {
-        name: &LIDAR_NAMES[id as usize],
-        unit: p.unit,
-        scale,
-        min,
-        max: p.to_unit(p.max),
-        default,
-    }
-}
-
-/// `lidar.` and the table's names, in its order.
-static LIDAR_NAMES: LazyLock<Vec<String>> =
-    LazyLock::new(|| PARAMETERS.iter().map(|p| format!("lidar.{}", p.name)).collect());
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use echoloop_dsp::Kind;
     use echoloop_registration::Method;
 
     fn space(protocol: Protocol) -> Space {

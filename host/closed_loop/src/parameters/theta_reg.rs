@@ -1,5 +1,6 @@
 //! Θ_reg: the axes of each method, and its settings as the search has them.
 
+use echoloop_parameters::Refused;
 use echoloop_registration::config::Use;
 use echoloop_registration::{
     ConfigError, FgrConfig, FgrMode, IcpConfig, Kind, Method, MethodConfig, Registration, Setting,
@@ -13,17 +14,6 @@ use crate::config::preset::Preset;
 
 /// The prefix of these parameters' names.
 pub(super) const SECTION: &str = "registration.";
-
-/// Today's name of a parameter, whether it was given by that or by a former one.
-pub(super) fn current_name(name: &str) -> String {
-    let setting = name.strip_prefix(SECTION).and_then(setting);
-    setting.map_or(name, |setting| setting.path).to_owned()
-}
-
-/// Whether the setting of that key counts things.
-pub(super) fn is_count(key: &str) -> bool {
-    setting(key).is_some_and(|setting| setting.kind == Kind::Count)
-}
 
 /// Θ_reg of one method, and whether ICP finishes what it finds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,7 +71,7 @@ impl ThetaReg {
         match axes.iter().find(|axis| axis.name == setting.path) {
             Some(axis) => axis.require(value)?,
             None if setting.kind == Kind::Count && value.fract() != 0.0 => {
-                return Err(ValueError::Fraction { name: setting.path.into(), value });
+                return Err(Refused::new(setting.path, value, "a whole number").into());
             }
             None => {}
         }
