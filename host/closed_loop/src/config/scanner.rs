@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 use echoloop_dsp::{Grid, Rosette, ScanPattern, Spinning, SpinningModel};
 use echoloop_files::shown;
 use echoloop_parameters::{Bounds, Refused, section};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::beams::Beams;
 use crate::beams::list::{BeamList, MOST_LISTED};
@@ -17,7 +17,7 @@ section! {
     ///
     /// What does not apply to the pattern is absent, and refused when it is given.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-    #[serde(from = "Given")]
+    #[serde(remote = "Self", deny_unknown_fields, default = "ScannerConfig::left_out")]
     pub struct ScannerConfig in "scanner" {
         pattern: String, "", Bounds::Words("one of grid, raster, vlp-16, vlp-32c, vls-128, hdl-64e, \
              os1-64, os1-128, livox-mid-40, or a table as FILE.csv"),
@@ -48,55 +48,22 @@ section! {
     }
 }
 
-/// What a file says; what it leaves out follows the pattern.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct Given {
-    pattern: String,
-    columns: Option<u16>,
-    rows: Option<u16>,
-    azimuth_deg: Option<f64>,
-    elevation_deg: Option<f64>,
-    beams: Option<u32>,
-    height_m: f64,
-}
-
-impl Default for Given {
-    fn default() -> Self {
-        Self {
-            pattern: "grid".into(),
-            columns: None,
-            rows: None,
-            azimuth_deg: None,
-            elevation_deg: None,
-            beams: None,
-            height_m: 2.0,
-        }
-    }
-}
-
-impl From<Given> for ScannerConfig {
-    fn from(given: Given) -> Self {
-        let Given { pattern, columns, rows, azimuth_deg, elevation_deg, beams, height_m } = given;
-        let kind = Kind::of(&pattern);
-        let grid = matches!(kind, Some(Kind::Grid | Kind::Raster));
-        let usual = |value: f64| grid.then_some(value);
-        Self {
-            columns: columns.or(kind.and_then(Kind::usual_columns)),
-            rows: rows.or(grid.then_some(64)),
-            azimuth_deg: azimuth_deg.or(usual(180.0)),
-            elevation_deg: elevation_deg.or(usual(180.0)),
-            beams: beams.or((kind == Some(Kind::Rosette)).then_some(Rosette::MID_40.beams)),
-            height_m,
-            list: Read::default(),
-            pattern,
-        }
-    }
-}
-
 impl Default for ScannerConfig {
     fn default() -> Self {
-        Given::default().into()
+        Self::left_out().completed()
+    }
+}
+
+/// Serde derives the plain form, in which keys may be left out; the pattern fills them in.
+impl<'de> Deserialize<'de> for ScannerConfig {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Self::deserialize(deserializer).map(Self::completed)
+    }
+}
+
+impl Serialize for ScannerConfig {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Self::serialize(self, serializer)
     }
 }
 
@@ -156,9 +123,39 @@ impl Kind {
 }
 
 impl ScannerConfig {
-    /// A pattern with all that it leaves open as usual.
+    /// A pattern with its usual keys.
     pub fn of(pattern: &str) -> Self {
-        Given { pattern: pattern.into(), ..Given::default() }.into()
+        Self { pattern: pattern.into(), ..Self::left_out() }.completed()
+    }
+
+    /// The section with every key left out.
+    fn left_out() -> Self {
+        Self {
+            pattern: "grid".into(),
+            columns: None,
+            rows: None,
+            azimuth_deg: None,
+            elevation_deg: None,
+            beams: None,
+            height_m: 2.0,
+            list: Read::default(),
+        }
+    }
+
+    /// Fills in the keys that the pattern has and that were left out.
+    fn completed(self) -> Self {
+        let kind = Kind::of(&self.pattern);
+        let is_grid = matches!(kind, Some(Kind::Grid | Kind::Raster));
+        let degrees = is_grid.then_some(180.0);
+        let beams = (kind == Some(Kind::Rosette)).then_some(Rosette::MID_40.beams);
+        Self {
+            columns: self.columns.or(kind.and_then(Kind::usual_columns)),
+            rows: self.rows.or(is_grid.then_some(64)),
+            azimuth_deg: self.azimuth_deg.or(degrees),
+            elevation_deg: self.elevation_deg.or(degrees),
+            beams: self.beams.or(beams),
+            ..self
+        }
     }
 
     /// Every pattern that has a name.
