@@ -1,4 +1,4 @@
-//! `[tune.axes]`: which parameters a search moves, and how far, where that is not as usual.
+//! `[tune.axes]`: parameters that a search moves other than usual, and their ranges.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -11,22 +11,22 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::parameters::tunable;
 
-/// How the user wants an axis.
+/// The user's choice of an axis.
 ///
-/// As text `fixed`, `free`, or `LO..HI` with `,log` or `,linear` after it.
+/// Its text is `fixed`, `free`, or `LO..HI` with `,log` or `,linear` after it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AxisChoice {
-    /// It stays where it starts.
+    /// Not searched: the start stays.
     Fixed,
-    /// It is searched within its usual range.
+    /// Searched within the usual range.
     Free,
-    /// It is searched within these bounds.
+    /// Searched within these bounds.
     Within {
         /// Least value, in the parameter's unit.
         min: f64,
         /// Greatest value.
         max: f64,
-        /// Evenly, or evenly in the logarithm; as usual where it is left open.
+        /// True when even in the logarithm, false when even; None follows the usual axis.
         log: Option<bool>,
     },
 }
@@ -82,22 +82,22 @@ impl fmt::Display for AxisChoice {
 pub struct OwnAxes(BTreeMap<String, AxisChoice>);
 
 impl OwnAxes {
-    /// Whether all is as usual.
+    /// True when all axes are as usual.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// What is chosen for a parameter, by its full name.
+    /// Choice for a parameter, by its full name.
     pub fn of(&self, name: &str) -> Option<AxisChoice> {
         self.0.get(name).copied()
     }
 
-    /// Leaves out what is chosen for parameters whose full name begins so.
+    /// Removes the choices for parameters whose full name begins like this.
     pub fn forget(&mut self, beginning: &str) {
         self.0.retain(|name, _| !name.starts_with(beginning));
     }
 
-    /// All, by full name.
+    /// All choices, by full name.
     pub fn iter(&self) -> impl Iterator<Item = (&str, AxisChoice)> {
         self.0.iter().map(|(name, choice)| (name.as_str(), *choice))
     }

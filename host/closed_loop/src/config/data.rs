@@ -1,11 +1,11 @@
-//! `[data]`: which pairs of scans to register, and when one succeeds.
+//! `[data]`: pairs of scans to register, and the limits of a success.
 
 use echoloop_parameters::{Bounds, Refused, section};
 use echoloop_registration::Method;
 use serde::{Deserialize, Serialize};
 
 section! {
-    /// Which pairs of scans to register.
+    /// Pairs of scans to register.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct DataConfig in "data" {
@@ -68,7 +68,7 @@ impl Default for DataConfig {
 }
 
 impl DataConfig {
-    /// How often the difficulty has the distance and the turn of a pair.
+    /// Factor of the difficulty on the distance and the turn of a pair.
     fn times(&self) -> f64 {
         libm::exp2(self.difficulty)
     }
@@ -78,17 +78,17 @@ impl DataConfig {
         self.times() * self.baseline_m
     }
 
-    /// By how much headings differ at most at this difficulty, degrees.
+    /// Largest difference of headings at this difficulty, degrees.
     pub fn hard_heading_range_deg(&self) -> f64 {
         (self.times() * self.heading_range_deg).min(180.0)
     }
 
-    /// Whether a pair shares what is asked for.
+    /// True when a pair's overlap is within the limits.
     pub fn wants(&self, overlap: f64) -> bool {
         (self.least_overlap..=self.most_overlap).contains(&overlap)
     }
 
-    /// Refuses what no pair can be.
+    /// Checks that a pair can exist.
     ///
     /// # Errors
     ///
@@ -101,17 +101,17 @@ impl DataConfig {
         (least <= most).then_some(()).ok_or_else(refused)
     }
 
-    /// Of a check where none are given. Resampled, the two runs of the study's seed 1 that gain
+    /// Default number of check pairs. Resampled, the two runs of the study's seed 1 that gain
     /// least by a sensor, 0.63 and 0.66 times the error, are one standard error ahead on 30 pairs
     /// in 89 and 83 cases of 100, on 90 in 99; and one that is as good is in a case of six on any.
     pub fn usual_check_pairs(train_pairs: usize) -> usize {
         train_pairs.saturating_mul(3).min(100)
     }
 
-    /// As in the paper: local methods get scans 2 m apart and succeed within 0.5 m and 2.5°, global
-    /// ones 5 m, 1 m and 5°. Global ones lose pairs whatever their settings: of 30 a search finds
-    /// half, and what wins on those by chance loses on others, so they have more to tune on, and
-    /// none that is harder than those that are judged.
+    /// Defaults for a method, as in the paper: local methods get scans 2 m apart and succeed within
+    /// 0.5 m and 2.5°, global ones 5 m, 1 m and 5°. Global ones lose pairs whatever their settings:
+    /// of 30 a search finds half, and what wins on those by chance loses on others, so they have
+    /// more to tune on, and none that is harder than those that are judged.
     pub fn for_method(method: Method) -> Self {
         let local = Self::default();
         match method.is_global() {

@@ -1,4 +1,4 @@
-//! `[detector]`: who finds the echoes.
+//! `[detector]`: the program that finds the echoes.
 
 use echoloop_parameters::{Bounds, section};
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use echoloop_sensors::sensor::Detector;
 
 section! {
-    /// Who finds the echoes.
+    /// Program that finds the echoes.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct DetectorConfig in "detector" {

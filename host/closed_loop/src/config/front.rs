@@ -1,4 +1,4 @@
-//! `[front]`: whether a front of error against a cost is searched for, and how.
+//! `[front]`: search for a front of error against a cost.
 
 use echoloop_parameters::{Bounds, section};
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use super::choices::COSTS;
 use crate::cost::CostKind;
 
 section! {
-    /// How to search for a front.
+    /// Search for a front of error against a cost.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct FrontConfig in "front" {

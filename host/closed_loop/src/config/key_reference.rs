@@ -1,4 +1,4 @@
-//! Every key of a configuration, explained: what it is, its unit, what it must be, its default.
+//! Reference of the keys of a configuration: meaning, unit, bounds and default of each.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -12,46 +12,46 @@ use super::preset::{Preset, Strategy};
 use super::{LoadError, Override, RunConfig, ScannerConfig, load};
 use crate::parameters::{Ranges, Row, ThetaReg, table, written};
 
-/// A key, explained.
+/// Reference of a key.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Explained {
     /// Section and key.
     pub key: &'static str,
-    /// Its unit; empty for what has none.
+    /// Unit; empty for plain numbers.
     pub unit: &'static str,
-    /// What it must be.
+    /// Bounds, to follow "must be".
     pub must: String,
-    /// The least it may be, where it is a number between two.
+    /// Minimum of a number.
     pub min: Option<f64>,
-    /// The greatest it may be.
+    /// Maximum of a number; None where there is none.
     pub max: Option<f64>,
-    /// What a choice chooses from.
+    /// Names that a choice chooses from.
     pub choices: &'static [&'static str],
-    /// The default; `None`: it is left out.
+    /// Default; `None` where the key is left out.
     pub default: Option<Value>,
-    /// Its value in the configuration at hand.
+    /// Value in the configuration at hand.
     pub value: Option<Value>,
-    /// Other defaults, and what they go with.
+    /// Defaults with other choices of method, strategy and pattern.
     pub other_defaults: Vec<OtherDefault>,
-    /// What it is.
+    /// Meaning.
     pub help: &'static str,
 }
 
-/// A default that goes with other choices.
+/// Default that goes with other choices.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OtherDefault {
     /// The choices, any of them: `registration.method = "fgr"`.
     pub with: Vec<String>,
-    /// The default; `None`: it is left out.
+    /// Default; `None` where the key is left out.
     pub default: Option<Value>,
 }
 
-/// A value as a file has it.
+/// Text of a value in a file.
 pub fn said(value: Option<&Value>) -> String {
     value.map_or_else(|| "left out".to_owned(), Value::to_string)
 }
 
-/// As in `5.0 with registration.method = "fgr", "mac"`.
+/// Reads `5.0 with registration.method = "fgr", "mac"`.
 impl fmt::Display for OtherDefault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut keys: Vec<(&str, Vec<&str>)> = Vec::new();
@@ -67,11 +67,11 @@ impl fmt::Display for OtherDefault {
     }
 }
 
-/// Values by key; those that are left out have none.
+/// Values by key, without those that are left out.
 type ValuesByKey = BTreeMap<String, Value>;
 
-/// Explains every key, in the order of the file, with the defaults of the configuration's method,
-/// preset, strategy and pattern.
+/// Reference of every key, in the order of the file, with the defaults of the configuration's
+/// method, preset, strategy and pattern.
 ///
 /// # Errors
 ///
@@ -198,7 +198,7 @@ mod tests {
     use crate::config::key;
     use crate::parameters::Parameters;
 
-    /// What must be set beside a key for its bound to matter.
+    /// Other keys that must be set for the bounds of a key to apply.
     fn beside(key: &str, when: Option<&str>) -> Vec<&'static str> {
         match (key, when) {
             ("tune.extended_to", _) => vec!["tune.generations=1"],
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn a_default_that_is_said_is_the_configuration_s() {
+    fn a_printed_default_is_the_configuration_s() {
         let usual = load(None, &[]).unwrap();
         for row in default_rows() {
             assert_eq!(row.value, row.default, "{}", row.key);
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bound_that_is_said_is_the_one_that_is_enforced() {
+    fn printed_bounds_are_those_that_are_checked() {
         let mut stepped = 0;
         for row in default_rows() {
             let own = key(row.key);
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn a_choice_that_is_said_is_one_and_there_is_no_other() {
+    fn every_printed_choice_is_read_and_there_is_no_other() {
         let mut seen = 0;
         for row in default_rows().into_iter().filter(|row| !row.choices.is_empty()) {
             let is_read = |name: &str| loaded(&[format!("{}={name}", row.key)]);

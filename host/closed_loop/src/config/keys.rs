@@ -1,5 +1,5 @@
-//! Every key whose row is ours: all but those of `[lidar]` and the settings of `[registration]`,
-//! which have tables of their own.
+//! The keys that the sections declare: all but those of `[lidar]` and the settings of
+//! `[registration]`, which have tables of their own.
 
 use echoloop_frontend::{Receiver, Weather};
 use echoloop_parameters::{Bounds, Kind, Parameter};
@@ -19,7 +19,7 @@ const RUN: &[Parameter] = &[Parameter {
     help: "Decides every random choice.",
 }];
 
-/// A section with a key for each parameter of a search.
+/// Section with a key for each parameter of a search.
 const AXES: Parameter = Parameter {
     key: "tune.axes",
     unit: "",
@@ -32,7 +32,7 @@ const AXES: Parameter = Parameter {
 
 const OF_PARAMETERS: &[Parameter] = &[AXES, WARM_STARTS];
 
-/// The keys, in the order of the file.
+/// The keys of the sections, in the order of the file.
 pub fn keys() -> impl Iterator<Item = &'static Parameter> {
     let sections = [
         RUN,
@@ -53,7 +53,7 @@ pub fn keys() -> impl Iterator<Item = &'static Parameter> {
     sections.into_iter().flatten()
 }
 
-/// The key of that name.
+/// The key of a section with that name.
 pub fn key(name: &str) -> Option<&'static Parameter> {
     keys().find(|key| key.key == name)
 }

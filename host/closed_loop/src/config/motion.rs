@@ -4,7 +4,7 @@ use echoloop_parameters::{Bounds, Value, section};
 use serde::{Deserialize, Serialize};
 
 section! {
-    /// How the sensor moves during a scan. Off: it stands still, and a scan is taken at once.
+    /// Motion of the sensor during a scan. Off: it stands still, and a scan is taken at once.
     ///
     /// A beam is fired when the pattern says, of the grid's `n` beams the one `b` at
     /// `t = ((b + ½)/n − ½) · duration`. The pose of a scan, and so the truth of a pair, is that of
@@ -27,7 +27,7 @@ section! {
     }
 }
 
-/// What shakes as one.
+/// Beams that shake as one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum JitterPer {
@@ -52,7 +52,7 @@ impl Default for Motion {
 }
 
 impl Motion {
-    /// Every beam has the same pose.
+    /// True when every beam has the same pose.
     pub fn is_still(&self) -> bool {
         let steady = self.duration_s == 0.0
             || (self.linear_m_s == [0.0; 3] && self.angular_deg_s == [0.0; 3]);

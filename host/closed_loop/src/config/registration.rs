@@ -11,16 +11,16 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use crate::config::preset::Preset;
 use crate::written::Written;
 
-/// Θ_reg to start from. What is left out is the preset's default.
+/// Θ_reg to start from. A setting that is left out has the preset's default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RegistrationConfig {
     /// The method.
     pub method: Method,
     /// Ranges and defaults: `outdoor`, or `paper` (Sec. 3.3, made for indoor spacing).
     pub preset: Preset,
-    /// Of FGR: `annealed`, or `open3d` (as Open3D 0.20 runs it, the paper's baseline).
+    /// Mode of FGR: `annealed`, or `open3d` (as Open3D 0.20 runs it, the paper's baseline).
     pub mode: FgrMode,
-    /// Whether point-to-plane ICP finishes what a global method finds.
+    /// True when point-to-plane ICP refines the result of a global method.
     pub refine: bool,
     /// The settings that are given, in the order of [`SETTINGS`].
     pub(crate) given: [Option<f64>; SETTINGS.len()],
@@ -71,7 +71,7 @@ const fn text(key: &'static str, help: &'static str) -> Parameter {
 }
 
 impl RegistrationConfig {
-    /// What reports call it: the method, Open3D's way of it, ICP at its end.
+    /// Name in reports: the method, its mode, and the refinement.
     pub fn name(&self) -> String {
         let mode = if self.mode == FgrMode::Open3d { " as Open3D runs it" } else { "" };
         let refine = if self.refine { ", then icp" } else { "" };

@@ -1,4 +1,4 @@
-//! `[scanner]`: how the sensor looks around.
+//! `[scanner]`: beams of the sensor.
 
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -13,9 +13,9 @@ use crate::beams::list::{BeamList, MOST_LISTED};
 use echoloop_sensors::pattern::MOST_BEAMS;
 
 section! {
-    /// How the sensor looks around.
+    /// Beams of the sensor.
     ///
-    /// What does not apply to the pattern is absent, and refused when it is given.
+    /// A key that does not apply to the pattern is absent, and refused when it is given.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(remote = "Self", deny_unknown_fields, default = "ScannerConfig::left_out")]
     pub struct ScannerConfig in "scanner" {
@@ -67,8 +67,8 @@ impl Serialize for ScannerConfig {
     }
 }
 
-/// A table, read when it is asked for first: a run's configuration can be looked at without. Which
-/// table it is, the hash in the pattern says; here any is as good as any other.
+/// A table, read at its first use, so that the configuration of a run can be shown without it. The
+/// hash in the pattern tells tables apart; here all are equal.
 #[derive(Clone, Debug, Default)]
 struct Read(OnceLock<Result<Arc<BeamList>, String>>);
 
@@ -78,7 +78,7 @@ impl PartialEq for Read {
     }
 }
 
-/// What `scanner.pattern` names.
+/// Kind of pattern that `scanner.pattern` names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Grid,
@@ -88,7 +88,7 @@ enum Kind {
     Table,
 }
 
-/// Every name of a pattern that is no file's.
+/// Names of the patterns that are no files.
 const NAMED: [(&str, Kind); 9] = [
     ("grid", Kind::Grid),
     ("raster", Kind::Raster),
@@ -158,12 +158,12 @@ impl ScannerConfig {
         }
     }
 
-    /// Every pattern that has a name.
+    /// Names of the patterns that are no files.
     pub fn patterns() -> impl Iterator<Item = &'static str> {
         NAMED.iter().map(|(name, _)| *name)
     }
 
-    /// The firmware's form. Of what [`super::RunConfig::check`] refuses, one without beams.
+    /// The firmware's form. A pattern that [`super::RunConfig::check`] refuses has no beams.
     pub fn pattern(&self) -> ScanPattern {
         match Kind::of(&self.pattern) {
             Some(Kind::Grid) => ScanPattern::Grid(self.grid()),
@@ -212,7 +212,7 @@ impl ScannerConfig {
         }
     }
 
-    /// Checks all but the table's times, which hang on the scan's.
+    /// Checks all but the table's times, which depend on the scan's duration.
     pub(super) fn check(&self) -> Result<(), Refused> {
         let Some(kind) = Kind::of(&self.pattern) else { return Err(self.unknown()) };
         self.check_what_applies(kind)?;
@@ -233,7 +233,7 @@ impl ScannerConfig {
         Refused { key, value, problem: format!(": {reason}") }
     }
 
-    /// No beam of a table after the end of a scan that takes its time.
+    /// Checks that no beam of a table is fired after the end of a scan with a duration.
     pub(super) fn check_times(&self, duration_s: f64) -> Result<(), Refused> {
         let Some(list) = self.list().filter(|_| duration_s > 0.0) else { return Ok(()) };
         let (latest_ns, line) = list.latest;
@@ -245,7 +245,7 @@ impl ScannerConfig {
         }
     }
 
-    /// Refuses what the pattern has no use for, and a pattern without what it needs.
+    /// Refuses keys that the pattern does not have, and a pattern without a key that it needs.
     fn check_what_applies(&self, kind: Kind) -> Result<(), Refused> {
         let grid = matches!(kind, Kind::Grid | Kind::Raster);
         let columns = grid || matches!(kind, Kind::Spinning(_));

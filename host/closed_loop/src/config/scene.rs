@@ -1,4 +1,4 @@
-//! `[scene]`: where to scan.
+//! `[scene]`: scene to scan.
 
 use std::fmt::Display;
 
@@ -14,7 +14,7 @@ const LIBRARIES: Bounds = Bounds::OneOf(&["beside", "anywhere", "none"]);
 const DRESSING: Bounds = Bounds::OneOf(&["structured", "semi-structured"]);
 
 section! {
-    /// Where to scan.
+    /// Scene to scan.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct SceneConfig in "scene" {
@@ -62,7 +62,7 @@ impl Default for SceneConfig {
 }
 
 impl SceneConfig {
-    /// How to read a mesh.
+    /// Options for reading a mesh.
     ///
     /// # Errors
     ///
@@ -76,7 +76,7 @@ impl SceneConfig {
         })
     }
 
-    /// What stands along the roads of a file.
+    /// Buildings along the roads of a file.
     ///
     /// # Errors
     ///
@@ -89,7 +89,7 @@ impl SceneConfig {
         }
     }
 
-    /// What the numbers of classes in recorded scans mean.
+    /// Meaning of the class numbers in recorded scans.
     ///
     /// # Errors
     ///

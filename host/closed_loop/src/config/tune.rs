@@ -1,4 +1,4 @@
-//! `[tune]`: how to search.
+//! `[tune]`: the search.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use crate::config::preset::{ErrorMean, LidarPreset, Objective, Protocol, Strateg
 use crate::cost::CostKind;
 
 section! {
-    /// How to search.
+    /// The search.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct TuneConfig in "tune" {
@@ -56,19 +56,18 @@ section! {
              with one standard error on top, and no more pairs lost.";
     }
     beside {
-        /// What costs count when they are weighted.
+        /// Weights of the costs.
         pub weights: Weights,
-        /// Which parameters are searched, and how far, where that is not as usual.
+        /// Axes of the search that are not as usual.
         #[serde(skip_serializing_if = "OwnAxes::is_empty")]
         pub axes: OwnAxes,
-        /// Parameters by name, each set of them one that the search may begin at instead of the
-        /// start.
+        /// Sets of parameters by name at which the search may begin instead of the start.
         #[serde(skip_serializing_if = "Vec::is_empty")]
         pub warm_starts: Vec<BTreeMap<String, f64>>,
     }
 }
 
-/// Tables with a key for each parameter that is to begin elsewhere.
+/// List of tables with a key for each parameter that begins elsewhere.
 pub(super) const WARM_STARTS: Parameter = Parameter {
     key: "tune.warm_starts",
     unit: "",
@@ -84,7 +83,7 @@ impl Default for TuneConfig {
 }
 
 impl TuneConfig {
-    /// What a strategy does unless it is told otherwise.
+    /// Defaults of a strategy.
     pub fn for_strategy(strategy: Strategy) -> Self {
         let fast = Self {
             strategy,
@@ -127,12 +126,12 @@ impl TuneConfig {
         self.extended_to.unwrap_or(self.generations)
     }
 
-    /// The cost that a choice is told by: the one that was to be made small, or energy.
+    /// Cost by which a choice is described: the one that is minimised, or energy.
     pub fn told_cost(&self) -> CostKind {
         self.minimise.unwrap_or_default()
     }
 
-    /// Whether it matters what a scan costs.
+    /// True when the search considers the cost of a scan.
     pub fn counts_costs(&self) -> bool {
         self.objective == Objective::Weighted || self.minimise.is_some()
     }

@@ -1,4 +1,4 @@
-//! `[tune.weights]`: what a scan's costs count beside the error.
+//! `[tune.weights]`: weights of a scan's costs beside the error.
 
 use echoloop_parameters::{Bounds, section};
 use serde::{Deserialize, Serialize};

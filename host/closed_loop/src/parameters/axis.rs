@@ -4,13 +4,13 @@ use echoloop_parameters::Refused;
 use echoloop_registration::config::Spacing;
 use serde::{Deserialize, Serialize};
 
-/// How values lie along an axis.
+/// Spacing of the values of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scale {
-    /// Evenly.
+    /// Even.
     Linear,
-    /// Evenly in the logarithm.
+    /// Even in the logarithm.
     Log,
     /// Whole numbers, each with an equal share.
     Integer,
@@ -35,11 +35,11 @@ pub struct Axis {
     pub name: &'static str,
     /// Unit; empty for plain numbers.
     pub unit: &'static str,
-    /// How values lie.
+    /// Spacing of the values.
     pub scale: Scale,
-    /// Least value.
+    /// Minimum.
     pub min: f64,
-    /// Greatest value.
+    /// Maximum.
     pub max: f64,
     /// Default.
     pub default: f64,
@@ -58,7 +58,7 @@ impl Axis {
         }
     }
 
-    /// The coordinate of a value; of a whole number, the middle of its share.
+    /// The coordinate of a value; for a whole number, the middle of its share.
     pub fn to_cube(&self, value: f64) -> f64 {
         let Self { min, max, .. } = *self;
         let u = match self.scale {
@@ -70,8 +70,7 @@ impl Axis {
         u.clamp(0.0, 1.0)
     }
 
-    /// How many values there are, each with an equal share of the axis; `None` where every value is
-    /// allowed.
+    /// Number of values, each with an equal share of the axis; `None` where every value is allowed.
     pub fn cells(&self) -> Option<usize> {
         match self.scale {
             Scale::Linear | Scale::Log => None,
@@ -94,7 +93,7 @@ impl Axis {
     }
 }
 
-/// Which of `count` equal shares of 0 to 1 a coordinate lies in.
+/// Index of the share of a coordinate among `count` equal shares of 0 to 1.
 fn cell(u: f64, count: f64) -> f64 {
     (u * count).floor().min(count - 1.0)
 }

@@ -67,7 +67,7 @@ pub fn effective(values: &Values, name: &str) -> Option<f64> {
 }
 
 impl Parameters {
-    /// Where a configuration starts.
+    /// Start of a configuration.
     ///
     /// # Errors
     ///
@@ -81,7 +81,7 @@ impl Parameters {
         Ok(parameters)
     }
 
-    /// A configuration that is as another, but starts with these parameters.
+    /// A copy of a configuration that starts with these parameters.
     pub fn as_start_of(&self, config: &RunConfig) -> RunConfig {
         let mut config = config.clone();
         config.lidar.0 = self.settings;
@@ -113,7 +113,7 @@ impl Parameters {
         self.registration.set(name, value)
     }
 
-    /// Every parameter by name, in its unit.
+    /// Values of all parameters by name, in their units.
     pub fn values<'a>(&self, ranges: impl Into<Ranges<'a>>) -> Values {
         let lidar = PARAMETERS.iter().map(|p| format!("lidar.{}", p.name));
         let registration =
@@ -154,8 +154,8 @@ impl Parameters {
     }
 }
 
-/// Named values by their current names, each of a parameter of the sensor or of `registration`,
-/// finite, and whole where it must be.
+/// Named values by their current names. Each must belong to the sensor or to `registration`, be
+/// finite, and be whole where the parameter is.
 fn recognised(values: &Values, registration: &[Axis]) -> Result<Values, ValueError> {
     let named = values.iter().map(|(given, &value)| {
         let is_known = |name: &str| {
@@ -206,7 +206,7 @@ impl Space {
         Self { axes, start, hardware }
     }
 
-    /// Whether a cost hangs on what is searched.
+    /// True when a cost depends on a searched parameter.
     pub fn changes(&self, cost: CostKind) -> bool {
         match cost.changed_by() {
             [] => !self.lidar_axes().is_empty(),
@@ -214,7 +214,7 @@ impl Space {
         }
     }
 
-    /// The same, with power taken as far as said.
+    /// The same space with another range of the power.
     pub fn with_power(mut self, power: PowerRange) -> Self {
         let own = lidar_axis(ParameterId::Power, power, &self.start.settings);
         self.axes.iter_mut().filter(|axis| axis.name == own.name).for_each(|axis| *axis = own);
@@ -226,12 +226,12 @@ impl Space {
         &self.axes
     }
 
-    /// The numbers of the sensor's axes.
+    /// Indices of the sensor's axes.
     pub fn lidar_axes(&self) -> Vec<usize> {
         self.numbers(|name| name.starts_with("lidar."))
     }
 
-    /// The numbers of the registration's axes.
+    /// Indices of the registration's axes.
     pub fn registration_axes(&self) -> Vec<usize> {
         self.numbers(|name| !name.starts_with("lidar."))
     }
@@ -241,7 +241,7 @@ impl Space {
         axes.filter(|(_, axis)| is_asked(axis.name)).map(|(i, _)| i).collect()
     }
 
-    /// What the optimiser is told of an axis: a choice has names, in no order. Counts are rounded:
+    /// Kind of an axis for the optimiser: a choice has names, in no order. Counts are rounded:
     /// in as few generations a margin is worth a few percent of the loss at most, and nothing where
     /// noise is large (benches/record/optimiser.md).
     pub fn coordinate(&self, axis: usize) -> Coordinate {
@@ -272,8 +272,8 @@ impl Space {
             .collect()
     }
 
-    /// Where a search may begin instead: at named values of its axes, brought within their bounds
-    /// and the joint constraints as a candidate is. All else stays where it starts.
+    /// Another start of the search: named values of its axes, brought within their bounds and the
+    /// joint constraints as a candidate is. All else stays where it starts.
     ///
     /// # Errors
     ///
@@ -293,7 +293,7 @@ impl Space {
         Ok(self.parameters(&point).0)
     }
 
-    /// What is not searched stays where it starts, what is searched within its bounds.
+    /// Limits of a repair: a fixed parameter stays at its start, a searched one within its bounds.
     fn limits(&self) -> Limits {
         let settings = &self.start.settings;
         let bounds = |id: ParameterId, fixed: i32| {

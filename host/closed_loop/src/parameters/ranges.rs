@@ -1,4 +1,4 @@
-//! What parameters may be: a preset's ranges, and those of `[tune.axes]`.
+//! Ranges of parameters: those of a preset, changed by `[tune.axes]`.
 
 use echoloop_parameters::{Kind, Parameter};
 use echoloop_registration::{Method, setting};
@@ -9,7 +9,7 @@ use super::theta_reg;
 use crate::config::preset::Preset;
 use crate::config::{AxisChoice, OwnAxes, RunConfig};
 
-/// Which ranges parameters have: a preset's, and what the user has of its own.
+/// Ranges of parameters: a preset's, and the user's own.
 #[derive(Clone, Copy, Debug)]
 pub struct Ranges<'a> {
     preset: Preset,
@@ -34,8 +34,7 @@ impl Ranges<'_> {
         self.preset
     }
 
-    /// What registration's parameters may be: a fixed one all that its method takes, which the
-    /// method says itself.
+    /// Axes of registration's parameters. A fixed one has no ends here: the method checks it.
     pub fn of_registration(&self, method: Method) -> Vec<Axis> {
         let mut axes = theta_reg::axes(method, self.preset);
         let Some(own) = self.own else { return axes };
@@ -59,7 +58,7 @@ impl Ranges<'_> {
     }
 }
 
-/// An axis of a setting that no preset searches, still without a range.
+/// Axis of a setting that no preset searches, without a range.
 pub(super) fn free_setting(name: &str, method: Method) -> Option<Axis> {
     let key = name.strip_prefix(theta_reg::SECTION)?;
     setting(key).filter(|setting| setting.of(method).is_some())?;
