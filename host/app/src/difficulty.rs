@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
-use echoloop_keys::{Kind, Must};
+use echoloop_parameters::{Bounds, Kind};
 use serde_json::json;
 
 use super::atomic_folder::go_on;
@@ -46,7 +46,7 @@ pub(crate) struct DifficultyArgs {
 }
 
 fn recall(text: &str) -> Result<f64, String> {
-    read(&flag(Kind::Number, Must::between(1.0, 99.0)), text)
+    read(&flag(Kind::Number, Bounds::between(1.0, 99.0)), text)
 }
 
 /// How many of the pairs of a difficulty are registered.

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use clap::ValueEnum;
 use echoloop_dsp::Hardware;
-use echoloop_keys::{Kind, Must};
+use echoloop_parameters::{Bounds, Kind};
 
 use super::choice::{SensorChoice, described, introduce};
 use super::exit::Failure;
@@ -221,7 +221,7 @@ pub(super) fn space(
 
 /// Reads `--require-recall`.
 pub(super) fn percent(text: &str) -> Result<f64, String> {
-    read(&flag(Kind::Number, Must::between(0.0, 100.0)), text)
+    read(&flag(Kind::Number, Bounds::between(0.0, 100.0)), text)
 }
 
 /// Fails with exit code 4 when the recall is below what was asked, percent.

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use clap::Args;
 use echoloop_dsp::{DetectorConfig, Echo, Echoes};
 use echoloop_frontend::SceneResponse;
-use echoloop_keys::{Kind, Must};
 use echoloop_link::Times;
+use echoloop_parameters::{Bounds, Kind};
 use serde::Serialize;
 
 use super::choice::hold_to;
@@ -38,16 +38,16 @@ pub(crate) struct RateArgs {
     scans: u32,
 }
 
-const ECHOES: echoloop_keys::Key = flag(Kind::Whole, Must::between(0.0, 4.0));
-const SCANS: echoloop_keys::Key = flag(Kind::Whole, Must::between(1.0, 10_000.0));
+const ECHOES: echoloop_parameters::Parameter = flag(Kind::Whole, Bounds::between(0.0, 4.0));
+const SCANS: echoloop_parameters::Parameter = flag(Kind::Whole, Bounds::between(1.0, 10_000.0));
 
 /// A deadline is a whole number of microseconds, and one word.
 fn hz(text: &str) -> Result<f64, String> {
-    read(&flag(Kind::Number, Must::between(0.001, 10_000.0)), text)
+    read(&flag(Kind::Number, Bounds::between(0.001, 10_000.0)), text)
 }
 
 fn cycles(text: &str) -> Result<f64, String> {
-    read(&flag(Kind::Number, Must::between(0.1, 100.0)), text)
+    read(&flag(Kind::Number, Bounds::between(0.1, 100.0)), text)
 }
 
 /// Speeds of lines, bits a second; a byte is ten.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use echoloop_keys::{Kind, Must};
+use echoloop_parameters::{Bounds, Kind};
 
 use super::exit::Failure;
 use super::number::{flag, number_as};
@@ -23,7 +23,7 @@ pub(super) struct ResponseArgs {
     /// Strong echoes that must stand alone in the waveforms for them to tell the response; 16 at
     /// least. What fewer have in common may be their targets'.
     #[arg(long, default_value_t = LEAST_ECHOES, value_name = "N",
-          value_parser = number_as::<usize>(flag(Kind::Whole, Must::at_least(FEWEST as f64))),
+          value_parser = number_as::<usize>(flag(Kind::Whole, Bounds::at_least(FEWEST as f64))),
           conflicts_with_all = ["no_response", "response"])]
     least_echoes: usize,
     /// Take every top for an echo, whatever the instrument adds after a strong one.

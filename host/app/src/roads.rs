@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueHint};
-use echoloop_keys::{Kind, Must};
+use echoloop_parameters::{Bounds, Kind};
 use echoloop_sim::roads::{LaneKind, RoadNetwork, Waypoint, load_network};
 use serde_json::{Value, json};
 
@@ -34,7 +34,7 @@ pub(crate) struct RoadsArgs {
 }
 
 fn step(text: &str) -> Result<f64, String> {
-    read(&flag(Kind::Number, Must::between(0.1, 1000.0)), text)
+    read(&flag(Kind::Number, Bounds::between(0.1, 1000.0)), text)
 }
 
 /// What is written.

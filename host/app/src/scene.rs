@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use echoloop_keys::{Kind, Must};
+use echoloop_parameters::{Bounds, Kind};
 use echoloop_registration::pose::{Pose, to_rows};
 use echoloop_sim::picture::{Picture, draw};
 use echoloop_sim::scene::Material;
@@ -44,7 +44,7 @@ pub(crate) struct SceneArgs {
     picture: Option<PathBuf>,
     /// Pixels of the picture across; down it has five eighths of them.
     #[arg(long, value_name = "PIXELS", default_value_t = STILL_PX, requires = "picture",
-          value_parser = number_as::<usize>(flag(Kind::Whole, Must::between(16.0, 8192.0))))]
+          value_parser = number_as::<usize>(flag(Kind::Whole, Bounds::between(16.0, 8192.0))))]
     width: usize,
 }
 

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use echoloop_dsp::ScanPattern;
-use echoloop_keys::{Kind, Must};
+use echoloop_parameters::{Bounds, Kind};
 
 use super::axis_flags::AxisFlags;
 use super::candidate::candidate_values;
@@ -118,7 +118,7 @@ pub(crate) struct TuneArgs {
 /// `1.2x`, or `1.2`.
 fn times(text: &str) -> Result<f64, String> {
     let times =
-        key("tune.at_most_error").copied().unwrap_or(flag(Kind::Number, Must::at_least(1.0)));
+        key("tune.at_most_error").copied().unwrap_or(flag(Kind::Number, Bounds::at_least(1.0)));
     let said = |problem| format!("{problem} times, as 1.2x");
     read(&times, text.strip_suffix('x').unwrap_or(text)).map_err(said)
 }

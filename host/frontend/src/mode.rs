@@ -1,6 +1,6 @@
 //! The model that makes waveforms.
 
-use echoloop_keys::Value;
+use echoloop_parameters::Value;
 use serde::{Deserialize, Serialize};
 
 /// Model that makes the waveforms.

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_4, PI};
 use std::sync::Arc;
 
-use echoloop_keys::{Must, Refused, section};
+use echoloop_parameters::{Bounds, Refused, section};
 use serde::{Deserialize, Serialize};
 
 use crate::litl_units as litl;
@@ -29,63 +29,63 @@ section! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct Receiver in "receiver" {
-        aperture_mm: f64, "mm", Must::above(0.0, 1e3),
+        aperture_mm: f64, "mm", Bounds::above(0.0, 1e3),
             "Diameter of the aperture, mm.";
-        transmission: f64, "", Must::above(0.0, 1.0),
+        transmission: f64, "", Bounds::above(0.0, 1.0),
             "η, transmission of the optics.";
-        quantum_efficiency: f64, "", Must::above(0.0, 1.0),
+        quantum_efficiency: f64, "", Bounds::above(0.0, 1.0),
             "QE of the avalanche photodiode.";
-        multiplication: f64, "", Must::between(1.0, 1e7),
+        multiplication: f64, "", Bounds::between(1.0, 1e7),
             "M, gain of the photodiode.";
-        ionisation_ratio: f64, "", Must::between(0.0, 1.0),
+        ionisation_ratio: f64, "", Bounds::between(0.0, 1.0),
             "k, ratio of ionisation of the photodiode.";
-        bulk_dark_current_na: f64, "nA", Must::between(0.0, 1e6),
+        bulk_dark_current_na: f64, "nA", Bounds::between(0.0, 1e6),
             "I_db, bulk dark current before multiplication, nA.";
-        surface_dark_current_na: f64, "nA", Must::between(0.0, 1e6),
+        surface_dark_current_na: f64, "nA", Bounds::between(0.0, 1e6),
             "i_dark, dark current that is not multiplied, nA.";
-        bandwidth_mhz: f64, "MHz", Must::above(0.0, 1e5),
+        bandwidth_mhz: f64, "MHz", Bounds::above(0.0, 1e5),
             "B, noise bandwidth, MHz.";
-        amplifier_noise_na: f64, "nA", Must::between(0.0, 1e6),
+        amplifier_noise_na: f64, "nA", Bounds::between(0.0, 1e6),
             "i_TIA, noise of the amplifier, nA rms.";
-        wavelength_nm: f64, "nm", Must::between(200.0, 3000.0),
+        wavelength_nm: f64, "nm", Bounds::between(200.0, 3000.0),
             "Wavelength, nm.";
-        filter_nm: f64, "nm", Must::between(0.0, 1000.0),
+        filter_nm: f64, "nm", Bounds::between(0.0, 1000.0),
             "Δλ of the optical filter, nm.";
-        irradiance_w_m2_nm: f64, "W/m²/nm", Must::between(0.0, 10.0),
+        irradiance_w_m2_nm: f64, "W/m²/nm", Bounds::between(0.0, 10.0),
             "E_λ, sunlight on the scene, W/m²/nm.";
-        background_reflectance: f64, "", Must::between(0.0, 1.0),
+        background_reflectance: f64, "", Bounds::between(0.0, 1.0),
             "ρ_b, reflectance of the surfaces that return the ambient light.";
-        divergence_mrad: [f64; 2], "mrad", Must::between(0.0, 100.0),
+        divergence_mrad: [f64; 2], "mrad", Bounds::between(0.0, 100.0),
             "Beam divergence, which is also the field of view of a pixel, mrad.";
-        subrays: u8, "", Must::odd(1.0, 15.0),
+        subrays: u8, "", Bounds::odd(1.0, 15.0),
             "Sub-rays along each axis of the divergence.";
-        full_scale_ua: f64, "µA", Must::above(0.0, 1e6),
+        full_scale_ua: f64, "µA", Bounds::above(0.0, 1e6),
             "Current that fills the converter at 0 dB, µA.";
-        analog_limit: f64, "of full scale", Must::above(0.0, 10.0),
+        analog_limit: f64, "of full scale", Bounds::above(0.0, 10.0),
             "Level at which the amplifier clips, as a fraction of the converter's full scale.";
-        adc_bits: u32, "bits", Must::between(8.0, 14.0),
+        adc_bits: u32, "bits", Bounds::between(8.0, 14.0),
             "b, bits of the converter.";
-        extinction_per_m: f64, "1/m", Must::between(0.0, 10.0),
+        extinction_per_m: f64, "1/m", Bounds::between(0.0, 10.0),
             "α of clear air, 1/m; that of the weather comes on top.";
-        mode: Mode, "", Must::Name(&["physical", "litl-compat"]),
+        mode: Mode, "", Bounds::OneOf(&["physical", "litl-compat"]),
             "Model that makes the waveforms: `physical`, or `litl-compat`, arbitrary units with \
              Poisson noise.";
-        timing_jitter_ns: f64, "ns", Must::between(0.0, 10.0),
+        timing_jitter_ns: f64, "ns", Bounds::between(0.0, 10.0),
             "Spread of the moment at which the pulse leaves, from shot to shot, ns rms.";
-        dead_channels: f64, "", Must::between(0.0, 1.0),
+        dead_channels: f64, "", Bounds::between(0.0, 1.0),
             "Fraction of the channels that are dead: their converter reads 0. A channel is a row \
              of beams, or a laser.";
-        weak_channels: f64, "", Must::between(0.0, 1.0),
+        weak_channels: f64, "", Bounds::between(0.0, 1.0),
             "Fraction of the channels that lose `weak_channel_db` of the light; with the dead ones \
              no more than all.";
-        weak_channel_db: f64, "dB", Must::between(0.0, 60.0),
+        weak_channel_db: f64, "dB", Bounds::between(0.0, 60.0),
             "Loss of light in weak channels, dB of optical power.";
-        channel_seed: u64, "", Must::SEED,
+        channel_seed: u64, "", Bounds::SEED,
             "Seed that decides which channels are dead or weak; the same in every scan.";
-        overload_tail: f64, "", Must::between(0.0, 1.0),
+        overload_tail: f64, "", Bounds::between(0.0, 1.0),
             "Tail of an overloaded amplifier, as a fraction of the excess over its limit; 0: it \
              recovers at once.";
-        overload_tail_ns: f64, "ns", Must::between(0.1, 1e4),
+        overload_tail_ns: f64, "ns", Bounds::between(0.1, 1e4),
             "Time constant with which that tail decays, ns.";
     }
     beside {
@@ -147,7 +147,7 @@ impl Receiver {
     /// [`Refused`] names the first that is out of bounds.
     pub fn check(&self) -> Result<(), Refused> {
         self.check_keys()?;
-        let weak = Self::KEYS.iter().find(|key| key.name == "receiver.weak_channels");
+        let weak = Self::KEYS.iter().find(|key| key.key == "receiver.weak_channels");
         match weak.filter(|_| self.weak_channels > 1.0 - self.dead_channels) {
             Some(key) => Err(key.refused(self.weak_channels, "0 to 1 less dead_channels")),
             None => Ok(()),

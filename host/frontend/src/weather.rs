@@ -1,6 +1,6 @@
 //! Weather: the `[weather]` section, and the optical constants that follow from it.
 
-use echoloop_keys::{Case, Must, Range, Refused, Value, section};
+use echoloop_parameters::{Bounds, Case, Range, Refused, Value, section};
 use serde::{Deserialize, Serialize};
 
 /// Kind of weather.
@@ -28,11 +28,11 @@ section! {
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct Weather in "weather" {
-        kind: Precipitation, "", Must::Name(&["none", "fog", "rain", "snow", "wet-snow"]),
+        kind: Precipitation, "", Bounds::OneOf(&["none", "fog", "rain", "snow", "wet-snow"]),
             "Kind of weather: `none`, `fog`, `rain`, `snow` (dry) or `wet-snow`.";
-        visibility_m: f64, "m", Must::Cases(&[Case { when: FOG, range: Range::new(6.0, 998.0) }]),
+        visibility_m: f64, "m", Bounds::Cases(&[Case { when: FOG, range: Range::new(6.0, 998.0) }]),
             "MOR, meteorological optical range of fog, m: 6 to 998 are α 0.5 to 0.003 /m.";
-        rate_mm_h: f64, "mm/h", Must::Cases(&[
+        rate_mm_h: f64, "mm/h", Bounds::Cases(&[
             Case { when: RAIN, range: Range::new(0.1, 200.0) },
             Case { when: SNOW, range: Range::new(0.1, 50.0) },
         ]),

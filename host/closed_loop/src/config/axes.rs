@@ -1,32 +1,32 @@
-//! `[tune.axes]`: which parameters a search moves, and how far, where that is not as usual.
+//! `[tune.axes]`: parameters that a search moves other than usual, and their ranges.
 
 use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
-use echoloop_dsp::ParameterId;
 use echoloop_files::shown;
-use echoloop_registration::setting;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// How the user wants an axis.
+use crate::parameters::tunable;
+
+/// The user's choice of an axis.
 ///
-/// As text `fixed`, `free`, or `LO..HI` with `,log` or `,linear` after it.
+/// Its text is `fixed`, `free`, or `LO..HI` with `,log` or `,linear` after it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AxisChoice {
-    /// It stays where it starts.
+    /// Not searched: the start stays.
     Fixed,
-    /// It is searched within its usual range.
+    /// Searched within the usual range.
     Free,
-    /// It is searched within these bounds.
+    /// Searched within these bounds.
     Within {
         /// Least value, in the parameter's unit.
         min: f64,
         /// Greatest value.
         max: f64,
-        /// Evenly, or evenly in the logarithm; as usual where it is left open.
+        /// True when even in the logarithm, false when even; None follows the usual axis.
         log: Option<bool>,
     },
 }
@@ -82,22 +82,22 @@ impl fmt::Display for AxisChoice {
 pub struct OwnAxes(BTreeMap<String, AxisChoice>);
 
 impl OwnAxes {
-    /// Whether all is as usual.
+    /// True when all axes are as usual.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// What is chosen for a parameter, by its full name.
+    /// Choice for a parameter, by its full name.
     pub fn of(&self, name: &str) -> Option<AxisChoice> {
         self.0.get(name).copied()
     }
 
-    /// Leaves out what is chosen for parameters whose full name begins so.
+    /// Removes the choices for parameters whose full name begins like this.
     pub fn forget(&mut self, beginning: &str) {
         self.0.retain(|name, _| !name.starts_with(beginning));
     }
 
-    /// All, by full name.
+    /// All choices, by full name.
     pub fn iter(&self) -> impl Iterator<Item = (&str, AxisChoice)> {
         self.0.iter().map(|(name, choice)| (name.as_str(), *choice))
     }
@@ -105,14 +105,6 @@ impl OwnAxes {
 
 /// The sections that parameters lie in.
 const SECTIONS: [&str; 2] = ["lidar", "registration"];
-
-/// The full name of a parameter as it is called today.
-fn known(section: &str, key: &str) -> Option<String> {
-    match section {
-        "lidar" => ParameterId::by_name(key).map(|id| format!("lidar.{}", id.parameter().name)),
-        _ => setting(key).map(|setting| setting.path.to_owned()),
-    }
-}
 
 impl Serialize for OwnAxes {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
@@ -152,17 +144,18 @@ impl<'de> Visitor<'de> for Sections {
                 return Err(A::Error::unknown_field(&section, &SECTIONS));
             };
             for (key, choice) in map.next_value::<BTreeMap<String, Text>>()? {
-                let Some(name) = known(section, &key) else {
+                let Some(parameter) = tunable(&format!("{section}.{key}")) else {
                     let key = shown(&key);
                     return Err(A::Error::custom(format_args!(
                         "there is no parameter `{section}.{key}` to tune; \
                          `echoloop config --parameters` lists them"
                     )));
                 };
+                let name = parameter.key;
                 let choice = choice.0.parse().map_err(|problem| {
                     A::Error::custom(format_args!("tune.axes.{name}: {problem}"))
                 })?;
-                axes.0.insert(name, choice);
+                axes.0.insert(name.to_owned(), choice);
             }
         }
         Ok(axes)

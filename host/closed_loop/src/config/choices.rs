@@ -1,6 +1,6 @@
 //! Choices by name: their types read no other names than the keys say.
 
-use echoloop_keys::Value;
+use echoloop_parameters::Value;
 
 use crate::config::preset::{ErrorMean, LidarPreset, Objective, Preset, Protocol, Strategy};
 use crate::cost::CostKind;

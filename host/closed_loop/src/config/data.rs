@@ -1,50 +1,48 @@
-//! `[data]`: which pairs of scans to register, and when one succeeds.
+//! `[data]`: pairs of scans to register, and the limits of a success.
 
-use echoloop_keys::{Must, section};
+use echoloop_parameters::{Bounds, Refused, section};
 use echoloop_registration::Method;
 use serde::{Deserialize, Serialize};
 
-use super::RunConfigError;
-
 section! {
-    /// Which pairs of scans to register.
+    /// Pairs of scans to register.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct DataConfig in "data" {
-        train_pairs: usize, "pairs", Must::between(1.0, 1e4),
+        train_pairs: usize, "pairs", Bounds::between(1.0, 1e4),
             "Pairs to tune on: 30, of global methods 100, with the paper's strategy 10.";
-        test_pairs: usize, "pairs", Must::between(1.0, 1e4),
+        test_pairs: usize, "pairs", Bounds::between(1.0, 1e4),
             "Pairs to judge on, from other viewpoints of the same towns: 10 m from any to tune on, \
              less where the place is under 100 m wide.";
-        check_pairs: usize, "pairs", Must::between(0.0, 1e4),
+        check_pairs: usize, "pairs", Bounds::between(0.0, 1e4),
             "More pairs of the towns that are tuned in, `baseline_m` apart, which no search sees: \
              on them what both halves together found must do better than registration's half, or \
              that is chosen. Three times as many as `train_pairs`, 100 at most; 0, none, with the \
              paper's strategy.";
-        baseline_m: f64, "m", Must::between(0.0, 100.0),
+        baseline_m: f64, "m", Bounds::between(0.0, 100.0),
             "Distance of a pair's scans, m: the paper's 2 for local methods, 5 for global ones.";
-        train_baseline_factor: f64, "times", Must::between(1.0, 10.0),
+        train_baseline_factor: f64, "times", Bounds::between(1.0, 10.0),
             "Pairs to tune on are up to so many times as far apart, evenly: what is chosen on them \
              keeps away from where registrations begin to fail. 1 for global methods, which fail \
              often enough on pairs like those that are judged, and with the paper's strategy.";
-        difficulty: f64, "steps", Must::between(0.0, 6.0),
+        difficulty: f64, "steps", Bounds::between(0.0, 6.0),
             "How hard pairs are made: each step doubles `baseline_m` and `heading_range_deg` (up \
              to 180).";
-        interval_s: f64, "s", Must::between(0.0, 60.0),
+        interval_s: f64, "s", Bounds::between(0.0, 60.0),
             "Time from the first scan of a pair to the second: vehicles on the roads of towns \
              drive on, 5 to 10 m/s, 20 m at most.";
-        least_overlap: f64, "of 1", Must::between(0.0, 1.0),
+        least_overlap: f64, "of 1", Bounds::between(0.0, 1.0),
             "Share of what either scan of a pair sees that the other sees, too, at least; pairs \
              that share less are drawn again.";
-        most_overlap: f64, "of 1", Must::between(0.0, 1.0),
+        most_overlap: f64, "of 1", Bounds::between(0.0, 1.0),
             "The same at most.";
-        heading_range_deg: f64, "°", Must::between(0.0, 180.0),
+        heading_range_deg: f64, "°", Bounds::between(0.0, 180.0),
             "The second scan's heading differs by at most this, degrees.";
-        tilt_range_deg: f64, "°", Must::between(0.0, 45.0),
+        tilt_range_deg: f64, "°", Bounds::between(0.0, 45.0),
             "Roll and pitch of each scan, at most, degrees.";
-        success_translation_m: f64, "m", Must::above(0.0, 100.0),
+        success_translation_m: f64, "m", Bounds::above(0.0, 100.0),
             "A registration succeeds within this translation, m, and `success_rotation_deg`.";
-        success_rotation_deg: f64, "°", Must::above(0.0, 180.0),
+        success_rotation_deg: f64, "°", Bounds::above(0.0, 180.0),
             "A registration succeeds within this rotation, degrees, and `success_translation_m`.";
     }
 }
@@ -70,7 +68,7 @@ impl Default for DataConfig {
 }
 
 impl DataConfig {
-    /// How often the difficulty has the distance and the turn of a pair.
+    /// Factor of the difficulty on the distance and the turn of a pair.
     fn times(&self) -> f64 {
         libm::exp2(self.difficulty)
     }
@@ -80,42 +78,40 @@ impl DataConfig {
         self.times() * self.baseline_m
     }
 
-    /// By how much headings differ at most at this difficulty, degrees.
+    /// Largest difference of headings at this difficulty, degrees.
     pub fn hard_heading_range_deg(&self) -> f64 {
         (self.times() * self.heading_range_deg).min(180.0)
     }
 
-    /// Whether a pair shares what is asked for.
+    /// True when a pair's overlap is within the limits.
     pub fn wants(&self, overlap: f64) -> bool {
         (self.least_overlap..=self.most_overlap).contains(&overlap)
     }
 
-    /// Refuses what no pair can be.
+    /// Checks that a pair can exist.
     ///
     /// # Errors
     ///
-    /// [`RunConfigError`] names the key.
-    pub fn check(&self) -> Result<(), RunConfigError> {
+    /// [`Refused`] names the key.
+    pub fn check(&self) -> Result<(), Refused> {
         self.check_keys()?;
-        match self.least_overlap <= self.most_overlap {
-            true => Ok(()),
-            false => {
-                Err(RunConfigError::Overlap { least: self.least_overlap, most: self.most_overlap })
-            }
-        }
+        let (least, most) = (self.least_overlap, self.most_overlap);
+        let expected = format!("at most data.most_overlap = {most}");
+        let refused = || Refused::new("data.least_overlap", least, expected);
+        (least <= most).then_some(()).ok_or_else(refused)
     }
 
-    /// Of a check where none are given. Resampled, the two runs of the study's seed 1 that gain
+    /// Default number of check pairs. Resampled, the two runs of the study's seed 1 that gain
     /// least by a sensor, 0.63 and 0.66 times the error, are one standard error ahead on 30 pairs
     /// in 89 and 83 cases of 100, on 90 in 99; and one that is as good is in a case of six on any.
     pub fn usual_check_pairs(train_pairs: usize) -> usize {
         train_pairs.saturating_mul(3).min(100)
     }
 
-    /// As in the paper: local methods get scans 2 m apart and succeed within 0.5 m and 2.5°, global
-    /// ones 5 m, 1 m and 5°. Global ones lose pairs whatever their settings: of 30 a search finds
-    /// half, and what wins on those by chance loses on others, so they have more to tune on, and
-    /// none that is harder than those that are judged.
+    /// Defaults for a method, as in the paper: local methods get scans 2 m apart and succeed within
+    /// 0.5 m and 2.5°, global ones 5 m, 1 m and 5°. Global ones lose pairs whatever their settings:
+    /// of 30 a search finds half, and what wins on those by chance loses on others, so they have
+    /// more to tune on, and none that is harder than those that are judged.
     pub fn for_method(method: Method) -> Self {
         let local = Self::default();
         match method.is_global() {

@@ -1,16 +1,16 @@
-//! `[detector]`: who finds the echoes.
+//! `[detector]`: the program that finds the echoes.
 
-use echoloop_keys::{Must, section};
+use echoloop_parameters::{Bounds, section};
 use serde::{Deserialize, Serialize};
 
 use echoloop_sensors::sensor::Detector;
 
 section! {
-    /// Who finds the echoes.
+    /// Program that finds the echoes.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct DetectorConfig in "detector" {
-        kind: Detector, "", Must::Name(&["firmware", "ideal"]),
+        kind: Detector, "", Bounds::OneOf(&["firmware", "ideal"]),
             "`firmware`: the sensor's program, in integers. `ideal`: maximum likelihood in \
              floating point, as no sensor could, to hold the program to; in process alone.";
     }

@@ -1,26 +1,26 @@
-//! `[front]`: whether a front of error against a cost is searched for, and how.
+//! `[front]`: search for a front of error against a cost.
 
-use echoloop_keys::{Must, section};
+use echoloop_parameters::{Bounds, section};
 use serde::{Deserialize, Serialize};
 
 use super::choices::COSTS;
 use crate::cost::CostKind;
 
 section! {
-    /// How to search for a front.
+    /// Search for a front of error against a cost.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct FrontConfig in "front" {
         #[serde(skip_serializing_if = "Option::is_none")]
-        cost: Option<CostKind>, "", Must::Name(&COSTS),
+        cost: Option<CostKind>, "", Bounds::OneOf(&COSTS),
             "Against which cost. Left out: there is no front.";
-        points: usize, "points", Must::between(2.0, 1000.0),
+        points: usize, "points", Bounds::between(2.0, 1000.0),
             "Points of the front at most.";
-        population: usize, "candidates", Must::between(4.0, 1e4),
+        population: usize, "candidates", Bounds::between(4.0, 1e4),
             "Candidates a generation.";
-        generations: u32, "generations", Must::between(1.0, 1e5),
+        generations: u32, "generations", Bounds::between(1.0, 1e5),
             "Generations.";
-        pairs: usize, "pairs", Must::between(1.0, 1e4),
+        pairs: usize, "pairs", Bounds::between(1.0, 1e4),
             "Training pairs that a candidate sees: the same for all, in the same noise.";
     }
 }

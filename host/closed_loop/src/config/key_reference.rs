@@ -1,58 +1,57 @@
-//! Every key of a configuration, explained: what it is, its unit, what it must be, its default.
+//! Reference of the keys of a configuration: meaning, unit, bounds and default of each.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
-use echoloop_dsp::{Kind, PARAMETERS, Parameter};
-use echoloop_keys::{Key, Must};
-use echoloop_registration::{Kind as SettingKind, Method, SETTINGS, Setting};
+use echoloop_parameters::Parameter;
+use echoloop_registration::{Method, SETTINGS};
 use serde::Serialize;
 use toml::Value;
 
 use super::preset::{Preset, Strategy};
-use super::{LoadError, Override, RunConfig, ScannerConfig, keys, load};
-use crate::parameters::{Axis, Ranges, ThetaReg};
+use super::{LoadError, Override, RunConfig, ScannerConfig, load};
+use crate::parameters::{Ranges, Row, ThetaReg, table, written};
 
-/// A key, explained.
+/// Reference of a key.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Explained {
     /// Section and key.
-    pub key: String,
-    /// Its unit; empty for what has none.
+    pub key: &'static str,
+    /// Unit; empty for plain numbers.
     pub unit: &'static str,
-    /// What it must be.
+    /// Bounds, to follow "must be".
     pub must: String,
-    /// The least it may be, where it is a number between two.
+    /// Minimum of a number.
     pub min: Option<f64>,
-    /// The greatest it may be.
+    /// Maximum of a number; None where there is none.
     pub max: Option<f64>,
-    /// What a choice chooses from.
-    pub choices: Vec<&'static str>,
-    /// The default; `None`: it is left out.
+    /// Names that a choice chooses from.
+    pub choices: &'static [&'static str],
+    /// Default; `None` where the key is left out.
     pub default: Option<Value>,
-    /// Its value in the configuration at hand.
+    /// Value in the configuration at hand.
     pub value: Option<Value>,
-    /// Other defaults, and what they go with.
+    /// Defaults with other choices of method, strategy and pattern.
     pub other_defaults: Vec<OtherDefault>,
-    /// What it is.
+    /// Meaning.
     pub help: &'static str,
 }
 
-/// A default that goes with other choices.
+/// Default that goes with other choices.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OtherDefault {
     /// The choices, any of them: `registration.method = "fgr"`.
     pub with: Vec<String>,
-    /// The default; `None`: it is left out.
+    /// Default; `None` where the key is left out.
     pub default: Option<Value>,
 }
 
-/// A value as a file has it.
+/// Text of a value in a file.
 pub fn said(value: Option<&Value>) -> String {
     value.map_or_else(|| "left out".to_owned(), Value::to_string)
 }
 
-/// As in `5.0 with registration.method = "fgr", "mac"`.
+/// Reads `5.0 with registration.method = "fgr", "mac"`.
 impl fmt::Display for OtherDefault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut keys: Vec<(&str, Vec<&str>)> = Vec::new();
@@ -68,11 +67,11 @@ impl fmt::Display for OtherDefault {
     }
 }
 
-/// Values by key; those that are left out have none.
+/// Values by key, without those that are left out.
 type ValuesByKey = BTreeMap<String, Value>;
 
-/// Explains every key, in the order of the file, with the defaults of the configuration's method,
-/// preset, strategy and pattern.
+/// Reference of every key, in the order of the file, with the defaults of the configuration's
+/// method, preset, strategy and pattern.
 ///
 /// # Errors
 ///
@@ -88,21 +87,22 @@ pub fn explained(config: &RunConfig) -> Result<Vec<Explained>, LoadError> {
     let others = others(&choices)?;
     let now = values(config);
     let explain = |row: Row| {
-        let usual = default.get(&row.key).cloned();
+        let Parameter { key, unit, bounds, help, .. } = row.parameter;
+        let usual = default.get(key).cloned();
         Explained {
-            other_defaults: other_defaults(&row.key, usual.as_ref(), &others),
-            value: now.get(&row.key).cloned(),
+            other_defaults: other_defaults(key, usual.as_ref(), &others),
+            value: now.get(key).cloned(),
             default: usual,
-            unit: row.unit,
-            must: row.must,
-            min: row.range.map(|[min, _]| min),
-            max: row.range.map(|[_, max]| max).filter(|max| max.is_finite()),
-            choices: row.choices,
-            help: row.help,
-            key: row.key,
+            key,
+            unit,
+            must: row.expected(),
+            min: row.range().map(|[min, _]| min),
+            max: row.range().map(|[_, max]| max).filter(|max| max.is_finite()),
+            choices: bounds.names(),
+            help,
         }
     };
-    Ok(rows(config).into_iter().map(explain).collect())
+    Ok(table(config).into_iter().map(explain).collect())
 }
 
 fn preset_name(preset: Preset) -> &'static str {
@@ -173,10 +173,8 @@ fn values(config: &RunConfig) -> ValuesByKey {
     let axes = Ranges::from(config).of_registration(config.registration.method);
     let Ok(theta) = ThetaReg::start(&config.registration, &axes) else { return values };
     let of_method = SETTINGS.iter().filter_map(|setting| {
-        let value = theta.get(setting.path)?;
-        let is_count = setting.kind == SettingKind::Count;
-        let value = if is_count { (value as i64).into() } else { value.into() };
-        Some((setting.path.to_owned(), value))
+        let value = written(setting.path, theta.get(setting.path)?);
+        Some((setting.path.to_owned(), Value::try_from(value).ok()?))
     });
     values.extend(of_method);
     values
@@ -191,88 +189,16 @@ fn flatten(prefix: &str, table: &toml::Table, values: &mut ValuesByKey) {
     }
 }
 
-/// What the tables say of a key.
-struct Row {
-    key: String,
-    unit: &'static str,
-    must: String,
-    range: Option<[f64; 2]>,
-    choices: Vec<&'static str>,
-    help: &'static str,
-}
-
-/// Every row, section by section, as the file has them.
-fn rows(config: &RunConfig) -> Vec<Row> {
-    let mut rows: Vec<Row> = Vec::new();
-    for key in keys() {
-        if key.name == "registration.method" {
-            rows.extend(PARAMETERS.iter().map(of_lidar));
-        }
-        rows.push(of_key(key));
-        if key.name == "registration.refine" {
-            rows.extend(SETTINGS.iter().map(|setting| of_setting(setting, config)));
-        }
-    }
-    rows
-}
-
-fn of_key(key: &Key) -> Row {
-    let range = match key.must.ranges()[..] {
-        [(None, range)] if !matches!(key.must, Must::Count(..)) => {
-            Some([range.least, range.greatest])
-        }
-        _ => None,
-    };
-    let choices = if let Must::Name(names) = key.must { names.to_vec() } else { Vec::new() };
-    let (name, must) = (key.name.to_owned(), key.expected());
-    Row { key: name, unit: key.unit, must, range, choices, help: key.help }
-}
-
-fn of_lidar(parameter: &Parameter) -> Row {
-    let [min, max] = [parameter.min, parameter.max].map(|code| parameter.to_unit(code));
-    let (must, choices) = match parameter.kind {
-        Kind::Choice { names } => (format!("one of {}", names.join(", ")), names.to_vec()),
-        Kind::PowerOfTwo => (format!("{min} to {max}, a power of two"), Vec::new()),
-        Kind::Integer => (format!("{min} to {max}, whole"), Vec::new()),
-        Kind::Real { .. } => (format!("{min} to {max}"), Vec::new()),
-    };
-    Row {
-        key: format!("lidar.{}", parameter.name),
-        unit: parameter.unit,
-        must,
-        range: choices.is_empty().then_some([min, max]),
-        choices,
-        help: parameter.id.help(),
-    }
-}
-
-/// A setting of registration. One that the method's search knows must lie where the search may go.
-fn of_setting(setting: &Setting, config: &RunConfig) -> Row {
-    let axes = Ranges::from(config).of_registration(config.registration.method);
-    let is_bounded = |axis: &Axis| axis.name == setting.path && axis.max.is_finite();
-    let axis = axes.into_iter().find(is_bounded);
-    let bounds = setting.bounds();
-    let must = match &axis {
-        Some(axis) => format!("{} to {} in a run; {bounds}", axis.min, axis.max),
-        None => bounds,
-    };
-    Row {
-        key: setting.path.to_owned(),
-        unit: setting.unit,
-        must,
-        range: axis.map(|axis| [axis.min, axis.max]),
-        choices: Vec::new(),
-        help: setting.help,
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use echoloop_dsp::PARAMETERS;
+    use echoloop_parameters::{Bounds, Kind, Range};
+
     use super::*;
     use crate::config::key;
     use crate::parameters::Parameters;
 
-    /// What must be set beside a key for its bound to matter.
+    /// Other keys that must be set for the bounds of a key to apply.
     fn beside(key: &str, when: Option<&str>) -> Vec<&'static str> {
         match (key, when) {
             ("tune.extended_to", _) => vec!["tune.generations=1"],
@@ -303,7 +229,7 @@ mod tests {
             assert_eq!(named(key), 1, "{key}");
         }
         for row in &rows {
-            assert_eq!(named(&row.key), 1, "{}", row.key);
+            assert_eq!(named(row.key), 1, "{}", row.key);
             assert!(row.help.ends_with('.') && row.help.len() > 8, "{}: {}", row.key, row.help);
             assert!(!row.must.is_empty(), "{}", row.key);
             // Each is a key: an unknown one is another error.
@@ -313,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn a_default_that_is_said_is_the_configuration_s() {
+    fn a_printed_default_is_the_configuration_s() {
         let usual = load(None, &[]).unwrap();
         for row in default_rows() {
             assert_eq!(row.value, row.default, "{}", row.key);
@@ -339,14 +265,14 @@ mod tests {
     }
 
     #[test]
-    fn a_bound_that_is_said_is_the_one_that_is_enforced() {
+    fn printed_bounds_are_those_that_are_checked() {
         let mut stepped = 0;
         for row in default_rows() {
-            let own = key(&row.key);
+            let own = key(row.key);
             let whole = row.default.as_ref().is_some_and(Value::is_integer)
-                || own.is_some_and(|key| key.kind == echoloop_keys::Kind::Whole);
+                || own.is_some_and(|key| key.kind == Kind::Whole);
             let count = match own.map(|key| key.kind) {
-                Some(echoloop_keys::Kind::Numbers(count)) => count,
+                Some(Kind::Numbers(count)) => count,
                 _ => 1,
             };
             let text = |number: f64| match count {
@@ -356,18 +282,18 @@ mod tests {
             };
             let tried = |number: f64, when| {
                 let mut sets: Vec<String> =
-                    beside(&row.key, when).into_iter().map(str::to_owned).collect();
+                    beside(row.key, when).into_iter().map(str::to_owned).collect();
                 sets.push(format!("{}={}", row.key, text(number)));
                 let config = loaded(&sets)?;
                 let start = Parameters::start(&config, &config.hardware());
                 start.map(drop).map_err(|error| error.to_string())
             };
             let ranges = match own {
-                Some(key) if !matches!(key.must, Must::Count(..)) => key.must.ranges(),
+                Some(key) if !matches!(key.bounds, Bounds::Count(..)) => key.bounds.ranges(),
                 Some(_) => Vec::new(),
                 None => {
                     let range = row.min.zip(row.max);
-                    let range = range.map(|(min, max)| (None, echoloop_keys::Range::new(min, max)));
+                    let range = range.map(|(min, max)| (None, Range::new(min, max)));
                     range.into_iter().collect()
                 }
             };
@@ -376,13 +302,13 @@ mod tests {
             let step = code.map_or(1.0, |p| 1.0 / f64::from(p.codes_per_unit));
             for (when, range) in ranges {
                 let (below, above) = match whole || code.is_some() {
-                    true => (range.least - step, range.greatest + step),
-                    false => (range.least.next_down(), range.greatest.next_up()),
+                    true => (range.min - step, range.max + step),
+                    false => (range.min.next_down(), range.max.next_up()),
                 };
-                let below = if range.is_open { range.least } else { below };
+                let below = if range.excludes_min { range.min } else { below };
                 let outside = [below, above, f64::NAN].into_iter().filter(|n| n.is_finite());
                 for number in outside.chain((!whole).then_some(f64::NAN)) {
-                    if own.is_some_and(|key| key.must.holds(number)) && when.is_none() {
+                    if own.is_some_and(|key| key.bounds.allows(number)) && when.is_none() {
                         continue; // 0, which means something
                     }
                     let said = tried(number, when).unwrap_err();
@@ -390,8 +316,8 @@ mod tests {
                     assert!(said.contains(name), "{} {number}: {said}", row.key);
                     stepped += 1;
                 }
-                let inside = [range.least, range.greatest];
-                for number in inside.into_iter().filter(|n| n.is_finite() && !range.is_open) {
+                let inside = [range.min, range.max];
+                for number in inside.into_iter().filter(|n| n.is_finite() && !range.excludes_min) {
                     let is_ours = |said: &String| said.contains(&format!("{} = ", row.key));
                     let said = tried(number, when);
                     assert!(!said.as_ref().is_err_and(is_ours), "{} {number}: {said:?}", row.key);
@@ -402,11 +328,11 @@ mod tests {
     }
 
     #[test]
-    fn a_choice_that_is_said_is_one_and_there_is_no_other() {
+    fn every_printed_choice_is_read_and_there_is_no_other() {
         let mut seen = 0;
         for row in default_rows().into_iter().filter(|row| !row.choices.is_empty()) {
             let is_read = |name: &str| loaded(&[format!("{}={name}", row.key)]);
-            for name in &row.choices {
+            for name in row.choices {
                 let said = is_read(name);
                 assert!(!said.as_ref().is_err_and(|s| s.contains("unknown variant")), "{said:?}");
                 seen += 1;

@@ -1,8 +1,8 @@
-//! Every key whose row is ours: all but those of `[lidar]` and the settings of `[registration]`,
-//! which have tables of their own.
+//! The keys that the sections declare: all but those of `[lidar]` and the settings of
+//! `[registration]`, which have tables of their own.
 
 use echoloop_frontend::{Receiver, Weather};
-use echoloop_keys::{Key, Kind, Must};
+use echoloop_parameters::{Bounds, Kind, Parameter};
 
 use super::registration::OWN_KEYS;
 use super::tune::WARM_STARTS;
@@ -11,29 +11,29 @@ use super::{
     TuneConfig, Weights,
 };
 
-const RUN: &[Key] = &[Key {
-    name: "seed",
+const RUN: &[Parameter] = &[Parameter {
+    key: "seed",
     unit: "",
     kind: Kind::Whole,
-    must: Must::SEED,
+    bounds: Bounds::SEED,
     help: "Decides every random choice.",
 }];
 
-/// A section with a key for each parameter of a search.
-const AXES: Key = Key {
-    name: "tune.axes",
+/// Section with a key for each parameter of a search.
+const AXES: Parameter = Parameter {
+    key: "tune.axes",
     unit: "",
     kind: Kind::Text,
-    must: Must::Read(
+    bounds: Bounds::Words(
         "of a parameter, as lidar.power: fixed, free, or bounds as 1..100 or 1..100,log",
     ),
     help: "Which parameters are searched, and how far, where that is not as usual.",
 };
 
-const OF_PARAMETERS: &[Key] = &[AXES, WARM_STARTS];
+const OF_PARAMETERS: &[Parameter] = &[AXES, WARM_STARTS];
 
-/// The keys, in the order of the file.
-pub fn keys() -> impl Iterator<Item = &'static Key> {
+/// The keys of the sections, in the order of the file.
+pub fn keys() -> impl Iterator<Item = &'static Parameter> {
     let sections = [
         RUN,
         SceneConfig::KEYS,
@@ -53,7 +53,7 @@ pub fn keys() -> impl Iterator<Item = &'static Key> {
     sections.into_iter().flatten()
 }
 
-/// The key of that name.
-pub fn key(name: &str) -> Option<&'static Key> {
-    keys().find(|key| key.name == name)
+/// The key of a section with that name.
+pub fn key(name: &str) -> Option<&'static Parameter> {
+    keys().find(|key| key.key == name)
 }

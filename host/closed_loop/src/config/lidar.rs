@@ -9,13 +9,13 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Θ_lidar as written in a file: names and units of [`PARAMETERS`], choices by name.
 ///
-/// What is left out is the default. Each value is checked where it stands, so an error points at
-/// it.
+/// A parameter that is left out has its default. Each value is checked while it is read, so an
+/// error points at it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lidar(pub Settings);
 
 impl Lidar {
-    /// Checks what a single value cannot show: the joint constraints.
+    /// Checks the joint constraints, which no single value can break.
     ///
     /// # Errors
     ///

@@ -1,17 +1,17 @@
-//! Reading configuration, and saying exactly what is wrong with it.
+//! Reader of configurations, with exact error messages.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use echoloop_files::{MOST_SHOWN, MOST_TEXT, printable, read_text, shown, shown_most};
-use echoloop_keys::{Key, Kind};
+use echoloop_parameters::{Kind, Parameter, Refused};
 use thiserror::Error;
 
 use super::keys::{key, keys};
-use super::{DataConfig, RunConfig, RunConfigError, TuneConfig};
+use super::{DataConfig, RunConfig, TuneConfig};
 use crate::config::preset::Strategy;
 
-/// Why there is no configuration.
+/// Error of a configuration.
 #[derive(Debug, Error)]
 pub enum LoadError {
     /// The file cannot be read.
@@ -19,28 +19,28 @@ pub enum LoadError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         source: std::io::Error,
     },
-    /// The file is no configuration; the text has line and caret.
+    /// The file is no configuration. The message has line and caret.
     #[error("{}: {message}", path.display())]
     Parse {
         /// The file.
         path: PathBuf,
-        /// What, where.
+        /// Problem and place.
         message: String,
     },
-    /// A `--set` is none.
+    /// A `--set` at fault.
     #[error("in {text}: {message}")]
     Override {
-        /// As given.
+        /// Text as given.
         text: String,
-        /// What.
+        /// Problem.
         message: String,
     },
-    /// A value makes no sense.
-    #[error("{0}")]
-    Value(#[from] RunConfigError),
+    /// A value is out of bounds.
+    #[error(transparent)]
+    Value(#[from] Refused),
 }
 
 /// One `a.b=v` of the command line.
@@ -51,7 +51,7 @@ pub struct Override {
     value: toml::Value,
 }
 
-/// Names that a key is made of at most: the configuration is two deep, and each is a call deep.
+/// Most names in a path. The configuration is two deep; each name costs a recursive call.
 const MOST_KEYS: usize = 8;
 
 impl FromStr for Override {
@@ -72,7 +72,7 @@ impl FromStr for Override {
 }
 
 impl Override {
-    /// An override made by a flag.
+    /// Override made by a flag.
     pub fn flag(path: &str, value: impl Into<toml::Value>) -> Self {
         let value = value.into();
         Self {
@@ -82,24 +82,24 @@ impl Override {
         }
     }
 
-    /// The same, called as the user wrote it.
+    /// The same override, called as the user wrote it.
     #[must_use]
     pub fn written(self, text: &str) -> Self {
         Self { text: shown(text), ..self }
     }
 
-    /// The text that it gives a key of that path.
+    /// Text that it gives the key of that path.
     pub fn text_of(&self, path: &str) -> Option<&str> {
         let is_it = self.keys.iter().map(String::as_str).eq(path.split('.'));
         self.value.as_str().filter(|_| is_it)
     }
 
-    /// The path that it sets.
+    /// Path that it sets.
     pub fn path(&self) -> String {
         self.keys.join(".")
     }
 
-    /// The key it sets in a section.
+    /// Key that it sets in a section.
     pub fn key(&self, section: &str) -> Option<&str> {
         match self.keys.as_slice() {
             [first, key] if first == section => Some(key),
@@ -107,10 +107,10 @@ impl Override {
         }
     }
 
-    /// What its key takes, of one that takes numbers.
+    /// Values that its key expects, if these are numbers.
     fn wanted(&self) -> Option<String> {
         let key = key(&self.keys.join(".")).filter(|key| takes_numbers(key))?;
-        Some(format!("expected {}", key.wanted()))
+        Some(format!("expected {}", key.expected_of_text()))
     }
 
     fn insert(&self, table: &mut toml::Table) -> Result<(), String> {
@@ -178,7 +178,7 @@ fn laid_over(mut table: toml::Table, overrides: &[Override]) -> Result<RunConfig
     Ok(config)
 }
 
-/// What is left out of `[data]` and hangs on the method, see [`DataConfig::for_method`], and on the
+/// Fills in keys of `[data]` that depend on the method ([`DataConfig::for_method`]) and on the
 /// strategy.
 fn follow_method(config: &mut RunConfig, given: &toml::Table) {
     let usual = DataConfig::for_method(config.registration.method);
@@ -206,7 +206,7 @@ fn follow_method(config: &mut RunConfig, given: &toml::Table) {
     }
 }
 
-/// What is left out of `[tune]` and hangs on the strategy: see [`TuneConfig::for_strategy`].
+/// Fills in keys of `[tune]` that depend on the strategy ([`TuneConfig::for_strategy`]).
 fn follow_strategy(config: &mut RunConfig, given: toml::Table) -> Result<(), LoadError> {
     let fail = |message: String| LoadError::Override { text: "tune".into(), message };
     let usual = TuneConfig::for_strategy(config.tune.strategy);
@@ -225,33 +225,34 @@ fn read(path: &Path) -> Result<toml::Table, LoadError> {
     toml::from_str(&text).map_err(|error| fail(told(&error)))
 }
 
-/// Of its key a reader's message says the type alone, `usize`: what it takes is said here.
-fn takes_numbers(key: &Key) -> bool {
+/// True when serde's message names only the type of such a key, as `usize`; the bounds are then
+/// added.
+fn takes_numbers(key: &Parameter) -> bool {
     !matches!(key.kind, Kind::Text)
 }
 
-/// Which key of a file takes no such value, and what it takes.
+/// The first key of a file with a value of the wrong type, and the values it expects.
 fn wanted(text: &str) -> Option<String> {
     let table: toml::Table = toml::from_str(text).ok()?;
-    let is_wrong = |key: &&Key| {
-        let path: Vec<String> = key.name.split('.').map(str::to_owned).collect();
+    let is_wrong = |key: &&Parameter| {
+        let path: Vec<String> = key.key.split('.').map(str::to_owned).collect();
         let at = |value: &toml::Value, key: &String| value.as_table()?.get(key).cloned();
         let whole = toml::Value::Table(table.clone());
         let Some(value) = path.iter().try_fold(whole, |value, key| at(&value, key)) else {
             return false;
         };
-        let (mut alone, change) = (toml::Table::new(), Override::flag(key.name, value));
+        let (mut alone, change) = (toml::Table::new(), Override::flag(key.key, value));
         change.insert(&mut alone).is_ok() && alone.try_into::<RunConfig>().is_err()
     };
     let key = keys().filter(|key| takes_numbers(key)).find(is_wrong)?;
-    Some(format!("\n{}: expected {}", key.name, key.wanted()))
+    Some(format!("\n{}: expected {}", key.key, key.expected_of_text()))
 }
 
 /// The configuration of a text, unchecked.
 ///
 /// # Errors
 ///
-/// What is wrong: line, column and, where they are short, the line itself with a caret below.
+/// Line and column, the line itself with a caret below if it is short, and the problem.
 pub fn parse(text: &str) -> Result<RunConfig, String> {
     toml::from_str(text).map_err(|error| told(&error))
 }
@@ -265,7 +266,7 @@ pub fn written(config: &RunConfig) -> Result<String, toml::ser::Error> {
     toml::to_string(config)
 }
 
-/// What is wrong with the line at fault above it, unless that is too long to be looked at.
+/// The problem, after an excerpt of the line at fault unless that is too long.
 fn told(error: &toml::de::Error) -> String {
     let text = error.to_string();
     let is_excerpt = |line: &&str| line.contains(" | ");
@@ -280,8 +281,8 @@ fn told(error: &toml::de::Error) -> String {
     }
 }
 
-/// What is wrong, without its place. The list of what there may be is ours, and long; what stands
-/// there instead is the file's.
+/// The problem without its place. The list of expected names is ours and may be long; the name
+/// found is the file's and is shortened.
 fn message(error: &toml::de::Error) -> String {
     const EXPECTED: &str = "`, expected ";
     match error.message().rsplit_once(EXPECTED) {

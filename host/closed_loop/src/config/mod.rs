@@ -5,7 +5,6 @@ mod choices;
 mod data;
 mod detector;
 mod emitter;
-mod error;
 mod front;
 pub mod key_reference;
 mod keys;
@@ -22,7 +21,9 @@ mod weights;
 use std::path::PathBuf;
 
 use echoloop_dsp::Hardware;
+use echoloop_files::shown;
 use echoloop_frontend::{Receiver, Weather};
+use echoloop_parameters::Refused;
 use echoloop_sensors::boards::pc::hardware_for;
 use serde::{Deserialize, Serialize};
 
@@ -32,7 +33,6 @@ pub use detector::DetectorConfig;
 pub use echoloop_registration::{FgrMode, Method};
 use echoloop_sensors::sensor::Model;
 pub use emitter::EmitterConfig;
-pub use error::RunConfigError;
 pub use front::FrontConfig;
 pub use keys::{key, keys};
 pub use lidar::Lidar;
@@ -49,31 +49,31 @@ pub use weights::Weights;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RunConfig {
-    /// Decides every random choice.
+    /// Seed of every random choice.
     pub seed: u64,
-    /// Where to scan.
+    /// Scene to scan.
     pub scene: SceneConfig,
-    /// How the sensor looks around.
+    /// Beams of the sensor.
     pub scanner: ScannerConfig,
-    /// What the laser may emit.
+    /// Limits of the laser.
     pub emitter: EmitterConfig,
-    /// Who finds the echoes.
+    /// Program that finds the echoes.
     pub detector: DetectorConfig,
-    /// Which pairs of scans to register.
+    /// Pairs of scans to register.
     pub data: DataConfig,
     /// Θ_lidar to start from.
     pub lidar: Lidar,
     /// Θ_reg to start from.
     pub registration: RegistrationConfig,
-    /// How to search.
+    /// The search.
     pub tune: TuneConfig,
-    /// Whether and how to search for a front of error against a cost.
+    /// Search for a front of error against a cost.
     pub front: FrontConfig,
     /// Optics, detector and converter.
     pub receiver: Receiver,
-    /// What is in the air.
+    /// Weather.
     pub weather: Weather,
-    /// How the sensor moves while it scans.
+    /// Motion of the sensor during a scan.
     pub motion: Motion,
 }
 
@@ -110,8 +110,7 @@ impl From<&RunConfig> for Model {
 }
 
 impl RunConfig {
-    /// The receiver in this weather and with this scanner's channels: all that a front end is made
-    /// of.
+    /// Constants of the front end: the receiver in this weather, with this scanner's channels.
     pub fn front_end(&self) -> Receiver {
         let list = self.scanner.list();
         Receiver {
@@ -122,7 +121,7 @@ impl RunConfig {
         }
     }
 
-    /// What the hardware of a sensor of this configuration fixes.
+    /// Fixed constants of the sensor's hardware.
     pub fn hardware(&self) -> Hardware {
         let energy_limit_pj = (self.emitter.energy_limit_nj * 1e3).round() as u32; // `as` saturates
         Hardware { energy_limit_pj, ..hardware_for(&self.receiver) }
@@ -132,8 +131,14 @@ impl RunConfig {
     ///
     /// # Errors
     ///
-    /// [`RunConfigError`] names the first key out of bounds.
-    pub fn check(&self) -> Result<(), RunConfigError> {
+    /// [`Refused`] names the first key out of bounds, with as much of its value as a message can
+    /// hold.
+    pub fn check(&self) -> Result<(), Refused> {
+        let shortened = |refused: Refused| Refused { value: shown(&refused.value), ..refused };
+        self.check_sections().map_err(shortened)
+    }
+
+    fn check_sections(&self) -> Result<(), Refused> {
         self.receiver.check()?;
         self.weather.check()?;
         self.motion.check_keys()?;
@@ -147,7 +152,7 @@ impl RunConfig {
     }
 }
 
-/// Where a run's files go.
+/// Folder of the runs.
 pub fn default_runs_folder() -> PathBuf {
     PathBuf::from("runs")
 }

@@ -1,10 +1,10 @@
 //! The `[motion]` section: a sensor that moves and shakes while it scans.
 
-use echoloop_keys::{Must, Value, section};
+use echoloop_parameters::{Bounds, Value, section};
 use serde::{Deserialize, Serialize};
 
 section! {
-    /// How the sensor moves during a scan. Off: it stands still, and a scan is taken at once.
+    /// Motion of the sensor during a scan. Off: it stands still, and a scan is taken at once.
     ///
     /// A beam is fired when the pattern says, of the grid's `n` beams the one `b` at
     /// `t = ((b + ½)/n − ½) · duration`. The pose of a scan, and so the truth of a pair, is that of
@@ -12,22 +12,22 @@ section! {
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct Motion in "motion" {
-        duration_s: f64, "s", Must::between(0.0, 10.0),
+        duration_s: f64, "s", Bounds::between(0.0, 10.0),
             "Time from a scan's first beam to its last, s; 0: all at once.";
-        linear_m_s: [f64; 3], "m/s", Must::between(-100.0, 100.0),
+        linear_m_s: [f64; 3], "m/s", Bounds::between(-100.0, 100.0),
             "Velocity in the sensor's frame (x forward, y left, z up), m/s.";
-        angular_deg_s: [f64; 3], "°/s", Must::between(-3600.0, 3600.0),
+        angular_deg_s: [f64; 3], "°/s", Bounds::between(-3600.0, 3600.0),
             "Angular velocity about the sensor's axes, degrees/s.";
-        jitter_mrad: f64, "mrad", Must::between(0.0, 100.0),
+        jitter_mrad: f64, "mrad", Bounds::between(0.0, 100.0),
             "Spread of the shaking about each axis, mrad.";
-        jitter_mm: f64, "mm", Must::between(0.0, 1000.0),
+        jitter_mm: f64, "mm", Bounds::between(0.0, 1000.0),
             "Spread of the shaking along each axis, mm.";
-        jitter_per: JitterPer, "", Must::Name(&["column", "beam"]),
+        jitter_per: JitterPer, "", Bounds::OneOf(&["column", "beam"]),
             "What shakes as one: `column` or `beam`.";
     }
 }
 
-/// What shakes as one.
+/// Beams that shake as one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum JitterPer {
@@ -52,7 +52,7 @@ impl Default for Motion {
 }
 
 impl Motion {
-    /// Every beam has the same pose.
+    /// True when every beam has the same pose.
     pub fn is_still(&self) -> bool {
         let steady = self.duration_s == 0.0
             || (self.linear_m_s == [0.0; 3] && self.angular_deg_s == [0.0; 3]);

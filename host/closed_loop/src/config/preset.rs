@@ -1,10 +1,10 @@
-//! What a search may change, and between which bounds: the choices that a configuration makes by
+//! Parameters that a search may change, and their ranges: choices that a configuration makes by
 //! name.
 
 use echoloop_dsp::{PARAMETERS, ParameterId};
 use serde::{Deserialize, Serialize};
 
-/// What a search makes small.
+/// Quantity that a search minimises.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Objective {
@@ -15,7 +15,7 @@ pub enum Objective {
     Weighted,
 }
 
-/// How the errors of a candidate's pairs become one number.
+/// Mean of the errors of a candidate's pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum ErrorMean {
@@ -26,7 +26,7 @@ pub enum ErrorMean {
     Geometric,
 }
 
-/// What a search may change (Sec. 4.4).
+/// Parts of the loop that a search may change (Sec. 4.4).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Protocol {
@@ -53,7 +53,7 @@ impl Protocol {
     }
 }
 
-/// How to search.
+/// Strategy of the search.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Strategy {
@@ -86,7 +86,7 @@ pub enum Preset {
     Paper,
 }
 
-/// Which of Θ_lidar a search may change.
+/// Parameters of Θ_lidar that a search may change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum LidarPreset {
@@ -110,7 +110,7 @@ impl LidarPreset {
     }
 }
 
-/// How far down a search may take the power.
+/// Lower end of the power in a search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PowerRange {
     /// To 5 W, as in the paper.
@@ -161,7 +161,7 @@ pub const PAPER_LIDAR: [ParameterId; 8] = [
     ParameterId::Upsampling,
 ];
 
-/// What is tuned beside them unless the paper's alone are asked for: a gain that rises with range
+/// Parameters tuned in addition, except with the paper's preset: a gain that rises with range
 /// keeps near echoes, which hold a registration, off the converter's limit. Shots are not among
 /// them: each costs a scan's time and light once more.
 const BESIDE_THE_PAPER_S: [ParameterId; 2] = [ParameterId::GainSlope, ParameterId::GainRange];

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use echoloop_keys::{Key as KeyRow, Kind as KeyKind, Must};
+use echoloop_parameters::{Bounds, Kind as KeyKind, Parameter};
 use echoloop_registration::{FgrMode, Kind, Method, SETTINGS};
 use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
@@ -11,44 +11,44 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use crate::config::preset::Preset;
 use crate::written::Written;
 
-/// Θ_reg to start from. What is left out is the preset's default.
+/// Θ_reg to start from. A setting that is left out has the preset's default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RegistrationConfig {
     /// The method.
     pub method: Method,
     /// Ranges and defaults: `outdoor`, or `paper` (Sec. 3.3, made for indoor spacing).
     pub preset: Preset,
-    /// Of FGR: `annealed`, or `open3d` (as Open3D 0.20 runs it, the paper's baseline).
+    /// Mode of FGR: `annealed`, or `open3d` (as Open3D 0.20 runs it, the paper's baseline).
     pub mode: FgrMode,
-    /// Whether point-to-plane ICP finishes what a global method finds.
+    /// True when point-to-plane ICP refines the result of a global method.
     pub refine: bool,
     /// The settings that are given, in the order of [`SETTINGS`].
     pub(crate) given: [Option<f64>; SETTINGS.len()],
 }
 
 /// The keys that are no settings of registration's table.
-pub(super) const OWN_KEYS: &[KeyRow] = &[
-    KeyRow {
-        must: Must::Name(&METHODS),
+pub(super) const OWN_KEYS: &[Parameter] = &[
+    Parameter {
+        bounds: Bounds::OneOf(&METHODS),
         ..text("registration.method", "How scans are registered, from near or from anywhere.")
     },
-    KeyRow {
-        must: Must::Name(&["outdoor", "paper"]),
+    Parameter {
+        bounds: Bounds::OneOf(&["outdoor", "paper"]),
         ..text(
             "registration.preset",
             "Ranges and defaults: `outdoor`, or `paper` (Sec. 3.3, made for indoor spacing).",
         )
     },
-    KeyRow {
-        must: Must::Name(&["annealed", "open3d"]),
+    Parameter {
+        bounds: Bounds::OneOf(&["annealed", "open3d"]),
         ..text(
             "registration.mode",
             "Of FGR: `annealed`, or `open3d` (as Open3D 0.20 runs it, the paper's baseline).",
         )
     },
-    KeyRow {
+    Parameter {
         kind: KeyKind::Flag,
-        must: Must::FLAG,
+        bounds: Bounds::FLAG,
         ..text(
             "registration.refine",
             "Whether point-to-plane ICP finishes what a global method finds.",
@@ -66,12 +66,12 @@ const METHODS: [&str; Method::ALL.len()] = {
     names
 };
 
-const fn text(name: &'static str, help: &'static str) -> KeyRow {
-    KeyRow { name, unit: "", kind: KeyKind::Text, must: Must::Name(&[]), help }
+const fn text(key: &'static str, help: &'static str) -> Parameter {
+    Parameter { key, unit: "", kind: KeyKind::Text, bounds: Bounds::OneOf(&[]), help }
 }
 
 impl RegistrationConfig {
-    /// What reports call it: the method, Open3D's way of it, ICP at its end.
+    /// Name in reports: the method, its mode, and the refinement.
     pub fn name(&self) -> String {
         let mode = if self.mode == FgrMode::Open3d { " as Open3D runs it" } else { "" };
         let refine = if self.refine { ", then icp" } else { "" };

@@ -1,45 +1,44 @@
-//! `[scanner]`: how the sensor looks around.
+//! `[scanner]`: beams of the sensor.
 
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use echoloop_dsp::{Grid, Rosette, ScanPattern, Spinning, SpinningModel};
 use echoloop_files::shown;
-use echoloop_keys::{Must, Refused, section};
-use serde::{Deserialize, Serialize};
+use echoloop_parameters::{Bounds, Refused, section};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::error::RunConfigError;
 use crate::beams::Beams;
 use crate::beams::list::{BeamList, MOST_LISTED};
 use echoloop_sensors::pattern::MOST_BEAMS;
 
 section! {
-    /// How the sensor looks around.
+    /// Beams of the sensor.
     ///
-    /// What does not apply to the pattern is absent, and refused when it is given.
+    /// A key that does not apply to the pattern is absent, and refused when it is given.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-    #[serde(from = "Given")]
+    #[serde(remote = "Self", deny_unknown_fields, default = "ScannerConfig::left_out")]
     pub struct ScannerConfig in "scanner" {
-        pattern: String, "", Must::Read("one of grid, raster, vlp-16, vlp-32c, vls-128, hdl-64e, \
+        pattern: String, "", Bounds::Words("one of grid, raster, vlp-16, vlp-32c, vls-128, hdl-64e, \
              os1-64, os1-128, livox-mid-40, or a table as FILE.csv"),
             "Where the beams point: `grid`, `raster`, a sensor (`vlp-16`, `vlp-32c`, `vls-128`, \
              `hdl-64e`, `os1-64`, `os1-128`, `livox-mid-40`), or a table: FILE.csv.";
         #[serde(skip_serializing_if = "Option::is_none")]
-        columns: Option<u16>, "beams", Must::between(1.0, MOST_BEAMS[0] as f64),
+        columns: Option<u16>, "beams", Bounds::between(1.0, MOST_BEAMS[0] as f64),
             "Beams along azimuth: of a grid, a raster, a turn of a spinning sensor.";
         #[serde(skip_serializing_if = "Option::is_none")]
-        rows: Option<u16>, "beams", Must::between(1.0, MOST_BEAMS[1] as f64),
+        rows: Option<u16>, "beams", Bounds::between(1.0, MOST_BEAMS[1] as f64),
             "Beams along elevation, of a grid or a raster.";
         #[serde(skip_serializing_if = "Option::is_none")]
-        azimuth_deg: Option<f64>, "°", Must::between(0.01, 360.0),
+        azimuth_deg: Option<f64>, "°", Bounds::between(0.01, 360.0),
             "Full azimuth range of a grid or a raster, degrees.";
         #[serde(skip_serializing_if = "Option::is_none")]
-        elevation_deg: Option<f64>, "°", Must::between(0.01, 180.0),
+        elevation_deg: Option<f64>, "°", Bounds::between(0.01, 180.0),
             "Full elevation range of a grid or a raster, degrees.";
         #[serde(skip_serializing_if = "Option::is_none")]
-        beams: Option<u32>, "beams", Must::between(1.0, MOST_LISTED as f64),
+        beams: Option<u32>, "beams", Bounds::between(1.0, MOST_LISTED as f64),
             "Beams of a scan, of a rosette (`livox-mid-40`).";
-        height_m: f64, "m", Must::between(0.1, 100.0),
+        height_m: f64, "m", Bounds::between(0.1, 100.0),
             "Height above the ground, m.";
     }
     beside {
@@ -49,60 +48,27 @@ section! {
     }
 }
 
-/// What a file says; what it leaves out follows the pattern.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct Given {
-    pattern: String,
-    columns: Option<u16>,
-    rows: Option<u16>,
-    azimuth_deg: Option<f64>,
-    elevation_deg: Option<f64>,
-    beams: Option<u32>,
-    height_m: f64,
-}
-
-impl Default for Given {
-    fn default() -> Self {
-        Self {
-            pattern: "grid".into(),
-            columns: None,
-            rows: None,
-            azimuth_deg: None,
-            elevation_deg: None,
-            beams: None,
-            height_m: 2.0,
-        }
-    }
-}
-
-impl From<Given> for ScannerConfig {
-    fn from(given: Given) -> Self {
-        let Given { pattern, columns, rows, azimuth_deg, elevation_deg, beams, height_m } = given;
-        let kind = Kind::of(&pattern);
-        let grid = matches!(kind, Some(Kind::Grid | Kind::Raster));
-        let usual = |value: f64| grid.then_some(value);
-        Self {
-            columns: columns.or(kind.and_then(Kind::usual_columns)),
-            rows: rows.or(grid.then_some(64)),
-            azimuth_deg: azimuth_deg.or(usual(180.0)),
-            elevation_deg: elevation_deg.or(usual(180.0)),
-            beams: beams.or((kind == Some(Kind::Rosette)).then_some(Rosette::MID_40.beams)),
-            height_m,
-            list: Read::default(),
-            pattern,
-        }
-    }
-}
-
 impl Default for ScannerConfig {
     fn default() -> Self {
-        Given::default().into()
+        Self::left_out().completed()
     }
 }
 
-/// A table, read when it is asked for first: a run's configuration can be looked at without. Which
-/// table it is, the hash in the pattern says; here any is as good as any other.
+/// Serde derives the plain form, in which keys may be left out; the pattern fills them in.
+impl<'de> Deserialize<'de> for ScannerConfig {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Self::deserialize(deserializer).map(Self::completed)
+    }
+}
+
+impl Serialize for ScannerConfig {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Self::serialize(self, serializer)
+    }
+}
+
+/// A table, read at its first use, so that the configuration of a run can be shown without it. The
+/// hash in the pattern tells tables apart; here all are equal.
 #[derive(Clone, Debug, Default)]
 struct Read(OnceLock<Result<Arc<BeamList>, String>>);
 
@@ -112,7 +78,7 @@ impl PartialEq for Read {
     }
 }
 
-/// What `scanner.pattern` names.
+/// Kind of pattern that `scanner.pattern` names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Grid,
@@ -122,7 +88,7 @@ enum Kind {
     Table,
 }
 
-/// Every name of a pattern that is no file's.
+/// Names of the patterns that are no files.
 const NAMED: [(&str, Kind); 9] = [
     ("grid", Kind::Grid),
     ("raster", Kind::Raster),
@@ -157,17 +123,47 @@ impl Kind {
 }
 
 impl ScannerConfig {
-    /// A pattern with all that it leaves open as usual.
+    /// A pattern with its usual keys.
     pub fn of(pattern: &str) -> Self {
-        Given { pattern: pattern.into(), ..Given::default() }.into()
+        Self { pattern: pattern.into(), ..Self::left_out() }.completed()
     }
 
-    /// Every pattern that has a name.
+    /// The section with every key left out.
+    fn left_out() -> Self {
+        Self {
+            pattern: "grid".into(),
+            columns: None,
+            rows: None,
+            azimuth_deg: None,
+            elevation_deg: None,
+            beams: None,
+            height_m: 2.0,
+            list: Read::default(),
+        }
+    }
+
+    /// Fills in the keys that the pattern has and that were left out.
+    fn completed(self) -> Self {
+        let kind = Kind::of(&self.pattern);
+        let is_grid = matches!(kind, Some(Kind::Grid | Kind::Raster));
+        let degrees = is_grid.then_some(180.0);
+        let beams = (kind == Some(Kind::Rosette)).then_some(Rosette::MID_40.beams);
+        Self {
+            columns: self.columns.or(kind.and_then(Kind::usual_columns)),
+            rows: self.rows.or(is_grid.then_some(64)),
+            azimuth_deg: self.azimuth_deg.or(degrees),
+            elevation_deg: self.elevation_deg.or(degrees),
+            beams: self.beams.or(beams),
+            ..self
+        }
+    }
+
+    /// Names of the patterns that are no files.
     pub fn patterns() -> impl Iterator<Item = &'static str> {
         NAMED.iter().map(|(name, _)| *name)
     }
 
-    /// The firmware's form. Of what [`super::RunConfig::check`] refuses, one without beams.
+    /// The firmware's form. A pattern that [`super::RunConfig::check`] refuses has no beams.
     pub fn pattern(&self) -> ScanPattern {
         match Kind::of(&self.pattern) {
             Some(Kind::Grid) => ScanPattern::Grid(self.grid()),
@@ -216,9 +212,9 @@ impl ScannerConfig {
         }
     }
 
-    /// Checks all but the table's times, which hang on the scan's.
-    pub(super) fn check(&self) -> Result<(), RunConfigError> {
-        let Some(kind) = Kind::of(&self.pattern) else { return Err(self.unknown().into()) };
+    /// Checks all but the table's times, which depend on the scan's duration.
+    pub(super) fn check(&self) -> Result<(), Refused> {
+        let Some(kind) = Kind::of(&self.pattern) else { return Err(self.unknown()) };
         self.check_what_applies(kind)?;
         self.check_keys()?;
         match (kind, self.read()) {
@@ -229,15 +225,16 @@ impl ScannerConfig {
 
     fn unknown(&self) -> Refused {
         let key = &Self::KEYS[0];
-        key.refused(format_args!("{:?}", shown(&self.pattern)), key.must)
+        key.refused(format_args!("{:?}", shown(&self.pattern)), key.bounds)
     }
 
-    fn table(&self, reason: &str) -> RunConfigError {
-        RunConfigError::Table { path: shown(&self.pattern), reason: reason.to_owned() }
+    fn table(&self, reason: &str) -> Refused {
+        let (key, value) = (Self::KEYS[0].key, shown(&self.pattern));
+        Refused { key, value, problem: format!(": {reason}") }
     }
 
-    /// No beam of a table after the end of a scan that takes its time.
-    pub(super) fn check_times(&self, duration_s: f64) -> Result<(), RunConfigError> {
+    /// Checks that no beam of a table is fired after the end of a scan with a duration.
+    pub(super) fn check_times(&self, duration_s: f64) -> Result<(), Refused> {
         let Some(list) = self.list().filter(|_| duration_s > 0.0) else { return Ok(()) };
         let (latest_ns, line) = list.latest;
         match latest_ns as f64 / 1e9 {
@@ -248,7 +245,7 @@ impl ScannerConfig {
         }
     }
 
-    /// Refuses what the pattern has no use for, and a pattern without what it needs.
+    /// Refuses keys that the pattern does not have, and a pattern without a key that it needs.
     fn check_what_applies(&self, kind: Kind) -> Result<(), Refused> {
         let grid = matches!(kind, Kind::Grid | Kind::Raster);
         let columns = grid || matches!(kind, Kind::Spinning(_));
@@ -265,7 +262,7 @@ impl ScannerConfig {
                     let expected = format!("left out: a pattern {:?} has none", self.pattern);
                     return Err(key.refused(value, expected));
                 }
-                None if applies => return Err(key.refused("none", key.must)),
+                None if applies => return Err(key.refused("none", key.bounds)),
                 _ => {}
             }
         }
@@ -311,7 +308,7 @@ mod tests {
     fn the_key_names_every_pattern() {
         let names = NAMED.map(|(name, _)| name).join(", ");
         let expected = format!("one of {names}, or a table as FILE.csv");
-        assert_eq!(ScannerConfig::KEYS[0].must.to_string(), expected);
+        assert_eq!(ScannerConfig::KEYS[0].bounds.to_string(), expected);
         let named = |name| ScannerConfig::KEYS[0].help.contains(&format!("`{name}`"));
         assert!(NAMED.iter().all(|(name, _)| named(name)));
     }

@@ -1,33 +1,31 @@
-//! `[scene]`: where to scan.
+//! `[scene]`: scene to scan.
 
 use std::fmt::Display;
 
 use echoloop_files::shown;
-use echoloop_keys::{Must, Refused, section};
+use echoloop_parameters::{Bounds, Refused, section};
 use echoloop_sim::import::{Ground, ImportOptions, Libraries, Plane, Tags};
 use echoloop_sim::scene::SceneKind;
 use serde::{Deserialize, Serialize};
 
-use super::error::RunConfigError;
-
-const GROUND: Must = Must::Read("auto, none, or a plane as a,b,c");
-const TAGS: Must = Must::Name(&Tags::NAMES);
-const LIBRARIES: Must = Must::Name(&["beside", "anywhere", "none"]);
-const DRESSING: Must = Must::Name(&["structured", "semi-structured"]);
+const GROUND: Bounds = Bounds::Words("auto, none, or a plane as a,b,c");
+const TAGS: Bounds = Bounds::OneOf(&Tags::NAMES);
+const LIBRARIES: Bounds = Bounds::OneOf(&["beside", "anywhere", "none"]);
+const DRESSING: Bounds = Bounds::OneOf(&["structured", "semi-structured"]);
 
 section! {
-    /// Where to scan.
+    /// Scene to scan.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct SceneConfig in "scene" {
         source: String, "",
-            Must::Read("structured, semi-structured, unstructured, a town's name, or a file"),
+            Bounds::Words("structured, semi-structured, unstructured, a town's name, or a file"),
             "What is scanned: a kind of small town that is generated; `town01`, `town10hd`, \
              `old-town`, `town07`, `garden-suburb`, `hillside`, `forest-hills`, `rocky-valley` or \
              `lake-shore`, or the three of a kind as `structured-towns`; the roads of an \
              OpenDRIVE file (`.xodr`); or a mesh: PLY, OBJ, glTF or STL, metres, z up; or a folder \
              of recorded scans.";
-        towns: Vec<u64>, "", Must::count(1.0, 100.0, "seeds"),
+        towns: Vec<u64>, "", Bounds::count(1.0, 100.0, "seeds"),
             "Seeds of the generated towns, and of what stands on the roads of a file; the pairs \
              are shared out among them. There are no more towns than `train_pairs` or \
              `test_pairs`, whichever is less: the others are left out.";
@@ -40,7 +38,7 @@ section! {
         libraries: String, "", LIBRARIES,
             "Files that a mesh may name, an OBJ's material libraries or a glTF's buffers: `beside` \
              (in its own folder and below), `anywhere` or `none`.";
-        stored: String, "", Must::Read("a file that `echoloop store` wrote, or empty"),
+        stored: String, "", Bounds::Words("a file that `echoloop store` wrote, or empty"),
             "Pairs to read instead of tracing them (`--stored FILE`). They must be those of this \
              configuration. Empty: none.";
         dressing: String, "", DRESSING,
@@ -64,12 +62,12 @@ impl Default for SceneConfig {
 }
 
 impl SceneConfig {
-    /// How to read a mesh.
+    /// Options for reading a mesh.
     ///
     /// # Errors
     ///
-    /// [`RunConfigError`] names `scene.ground` or `scene.libraries`.
-    pub fn import(&self) -> Result<ImportOptions, RunConfigError> {
+    /// [`Refused`] names `scene.ground` or `scene.libraries`.
+    pub fn import(&self) -> Result<ImportOptions, Refused> {
         let usual = ImportOptions::default();
         Ok(ImportOptions {
             ground: self.ground(usual.max_reach_m)?,
@@ -78,33 +76,33 @@ impl SceneConfig {
         })
     }
 
-    /// What stands along the roads of a file.
+    /// Buildings along the roads of a file.
     ///
     /// # Errors
     ///
-    /// [`RunConfigError`] names `scene.dressing`.
-    pub fn dressing(&self) -> Result<SceneKind, RunConfigError> {
+    /// [`Refused`] names `scene.dressing`.
+    pub fn dressing(&self) -> Result<SceneKind, Refused> {
         match &*self.dressing {
             "structured" => Ok(SceneKind::Structured),
             "semi-structured" => Ok(SceneKind::SemiStructured),
-            other => Err(refused("scene.dressing", other, DRESSING).into()),
+            other => Err(refused("scene.dressing", other, DRESSING)),
         }
     }
 
-    /// What the numbers of classes in recorded scans mean.
+    /// Meaning of the class numbers in recorded scans.
     ///
     /// # Errors
     ///
-    /// [`RunConfigError`] names `scene.tags`.
-    pub fn tags(&self) -> Result<Tags, RunConfigError> {
-        Tags::named(&self.tags).ok_or_else(|| refused("scene.tags", &self.tags, TAGS).into())
+    /// [`Refused`] names `scene.tags`.
+    pub fn tags(&self) -> Result<Tags, Refused> {
+        Tags::named(&self.tags).ok_or_else(|| refused("scene.tags", &self.tags, TAGS))
     }
 
-    pub(super) fn check(&self) -> Result<(), RunConfigError> {
+    pub(super) fn check(&self) -> Result<(), Refused> {
         self.import()?;
         self.dressing()?;
         self.tags()?;
-        Ok(self.check_keys()?)
+        self.check_keys()
     }
 
     fn ground(&self, max_reach_m: f32) -> Result<Ground, Refused> {
@@ -138,9 +136,9 @@ impl SceneConfig {
     }
 }
 
-/// What is said of a text that a key does not take.
+/// Refusal of a text.
 fn refused(key: &'static str, value: &str, expected: impl Display) -> Refused {
-    Refused { key, value: format!("{:?}", shown(value)), expected: expected.to_string() }
+    Refused::new(key, format_args!("{:?}", shown(value)), expected)
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! `[tune]`: how to search.
+//! `[tune]`: the search.
 
 use std::collections::BTreeMap;
 
-use echoloop_keys::{Key, Kind, Must, Refused, section};
+use echoloop_parameters::{Bounds, Kind, Parameter, Refused, section};
 use serde::{Deserialize, Serialize};
 
 use super::axes::OwnAxes;
@@ -12,68 +12,67 @@ use crate::config::preset::{ErrorMean, LidarPreset, Objective, Protocol, Strateg
 use crate::cost::CostKind;
 
 section! {
-    /// How to search.
+    /// The search.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct TuneConfig in "tune" {
-        strategy: Strategy, "", Must::Name(&["fast", "paper"]),
+        strategy: Strategy, "", Bounds::OneOf(&["fast", "paper"]),
             "How to search: what is left out below follows it.";
-        protocol: Protocol, "", Must::Name(&["default", "lidar", "registration", "joint"]),
+        protocol: Protocol, "", Bounds::OneOf(&["default", "lidar", "registration", "joint"]),
             "What is tuned: nothing, the sensor, registration, or both.";
-        lidar: LidarPreset, "", Must::Name(&["usual", "paper", "full"]),
+        lidar: LidarPreset, "", Bounds::OneOf(&["usual", "paper", "full"]),
             "Which of the sensor's parameters are tuned: `usual`, ten, the `paper`'s eight, or \
              `full`, all of them.";
-        generations: u32, "generations", Must::between(1.0, 1e5),
+        generations: u32, "generations", Bounds::between(1.0, 1e5),
             "Generations of the search.";
         #[serde(skip_serializing_if = "Option::is_none")]
-        extended_to: Option<u32>, "generations", Must::between(1.0, 1e5),
+        extended_to: Option<u32>, "generations", Bounds::between(1.0, 1e5),
             "Of a run that was extended: as many of the last search as if there were these \
              generations.";
-        population: usize, "candidates", Must::zero_or("automatic", 2.0, 1e4),
+        population: usize, "candidates", Bounds::zero_or("automatic", 2.0, 1e4),
             "Candidates a generation; 0: as many as there are parameters, as in the paper.";
-        pairs_per_generation: usize, "pairs", Must::at_least(0.0),
+        pairs_per_generation: usize, "pairs", Bounds::at_least(0.0),
             "Training pairs a generation sees, drawn anew each time and shared by its candidates; \
              0: all, as in the paper.";
-        error_mean: ErrorMean, "", Must::Name(&["arithmetic", "geometric"]),
+        error_mean: ErrorMean, "", Bounds::OneOf(&["arithmetic", "geometric"]),
             "How the errors of a candidate's pairs are put together: `arithmetic`, as in the \
              paper, or `geometric`.";
-        error_cap: f64, "", Must::at_least(0.0),
+        error_cap: f64, "", Bounds::at_least(0.0),
             "No pair counts for more than this, ‖T_est − T*‖_F; 0: no cap, as in the paper.";
-        common_noise: bool, "", Must::FLAG,
+        common_noise: bool, "", Bounds::FLAG,
             "Whether the candidates of a generation meet the same noise.";
-        sigma: f64, "of the cube", Must::above(0.0, 1.0),
+        sigma: f64, "of the cube", Bounds::above(0.0, 1.0),
             "Start of the step size, in the unit cube.";
-        shortlist: usize, "candidates", Must::between(0.0, 1000.0),
+        shortlist: usize, "candidates", Bounds::between(0.0, 1000.0),
             "Candidates judged again on all training pairs at the end, besides the mean and the \
              start.";
-        objective: Objective, "", Must::Name(&["error", "weighted"]),
+        objective: Objective, "", Bounds::OneOf(&["error", "weighted"]),
             "What is made small: the `error` alone, or `weighted`, also what a scan costs.";
         #[serde(skip_serializing_if = "Option::is_none")]
-        minimise: Option<CostKind>, "", Must::Name(&COSTS),
+        minimise: Option<CostKind>, "", Bounds::OneOf(&COSTS),
             "Instead of either the least of this cost, at an error as by `at_most_error`.";
-        at_most_error: f64, "times", Must::between(1.0, 100.0),
+        at_most_error: f64, "times", Bounds::between(1.0, 100.0),
             "With `minimise`: no more than so many times the start's error, on ten pairs or more \
              with one standard error on top, and no more pairs lost.";
     }
     beside {
-        /// What costs count when they are weighted.
+        /// Weights of the costs.
         pub weights: Weights,
-        /// Which parameters are searched, and how far, where that is not as usual.
+        /// Axes of the search that are not as usual.
         #[serde(skip_serializing_if = "OwnAxes::is_empty")]
         pub axes: OwnAxes,
-        /// Parameters by name, each set of them one that the search may begin at instead of the
-        /// start.
+        /// Sets of parameters by name at which the search may begin instead of the start.
         #[serde(skip_serializing_if = "Vec::is_empty")]
         pub warm_starts: Vec<BTreeMap<String, f64>>,
     }
 }
 
-/// Tables with a key for each parameter that is to begin elsewhere.
-pub(super) const WARM_STARTS: Key = Key {
-    name: "tune.warm_starts",
+/// List of tables with a key for each parameter that begins elsewhere.
+pub(super) const WARM_STARTS: Parameter = Parameter {
+    key: "tune.warm_starts",
     unit: "",
     kind: Kind::Text,
-    must: Must::Read("tables of parameters by name, as [{\"lidar.power\" = 5}]"),
+    bounds: Bounds::Words("tables of parameters by name, as [{\"lidar.power\" = 5}]"),
     help: "Where the search may begin, too, as tuned elsewhere: the best on the training pairs.",
 };
 
@@ -84,7 +83,7 @@ impl Default for TuneConfig {
 }
 
 impl TuneConfig {
-    /// What a strategy does unless it is told otherwise.
+    /// Defaults of a strategy.
     pub fn for_strategy(strategy: Strategy) -> Self {
         let fast = Self {
             strategy,
@@ -127,12 +126,12 @@ impl TuneConfig {
         self.extended_to.unwrap_or(self.generations)
     }
 
-    /// The cost that a choice is told by: the one that was to be made small, or energy.
+    /// Cost by which a choice is described: the one that is minimised, or energy.
     pub fn told_cost(&self) -> CostKind {
         self.minimise.unwrap_or_default()
     }
 
-    /// Whether it matters what a scan costs.
+    /// True when the search considers the cost of a scan.
     pub fn counts_costs(&self) -> bool {
         self.objective == Objective::Weighted || self.minimise.is_some()
     }
@@ -141,7 +140,7 @@ impl TuneConfig {
         self.check_keys()?;
         let knows_costs = self.strategy != Strategy::Paper;
         for key in Self::KEYS {
-            match (key.name, self.extended_to) {
+            match (key.key, self.extended_to) {
                 ("tune.extended_to", Some(to)) if to < self.generations => {
                     return Err(key.refused(to, "tune.generations to 100000"));
                 }

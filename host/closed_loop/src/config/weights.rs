@@ -1,6 +1,6 @@
-//! `[tune.weights]`: what a scan's costs count beside the error.
+//! `[tune.weights]`: weights of a scan's costs beside the error.
 
-use echoloop_keys::{Must, section};
+use echoloop_parameters::{Bounds, section};
 use serde::{Deserialize, Serialize};
 
 use crate::cost::{CostKind, ScanCost};
@@ -12,14 +12,14 @@ section! {
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct Weights in "tune.weights" {
-        energy: f64, "", Must::between(0.0, 10.0),
+        energy: f64, "", Bounds::between(0.0, 10.0),
             "Power of the light emitted, over the start's, that the error is multiplied by; 0: it \
              does not count.";
-        instructions: f64, "", Must::between(0.0, 10.0),
+        instructions: f64, "", Bounds::between(0.0, 10.0),
             "The same of the detector's instructions a waveform.";
-        bits: f64, "", Must::between(0.0, 10.0),
+        bits: f64, "", Bounds::between(0.0, 10.0),
             "The same of the bits on the link.";
-        seconds: f64, "", Must::between(0.0, 10.0),
+        seconds: f64, "", Bounds::between(0.0, 10.0),
             "The same of the time.";
     }
 }

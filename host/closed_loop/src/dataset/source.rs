@@ -4,11 +4,12 @@
 use std::path::{Path, PathBuf};
 
 use echoloop_files::shown;
+use echoloop_parameters::Refused;
 use echoloop_sim::import::{ImportError, load_scene};
 use echoloop_sim::scene::{Scene, SceneKind, Town, TownError, build_town, generate, load_town};
 use thiserror::Error;
 
-use crate::config::{RunConfigError, SceneConfig};
+use crate::config::SceneConfig;
 
 /// Reason that there is no scene.
 #[derive(Debug, Error)]
@@ -31,7 +32,7 @@ pub enum SourceError {
     Town(#[from] TownError),
     /// A key of `[scene]` is out of bounds.
     #[error(transparent)]
-    Config(#[from] RunConfigError),
+    Config(#[from] Refused),
 }
 
 /// Origin of a scene.

@@ -1,17 +1,16 @@
 //! One axis of the unit cube.
 
+use echoloop_parameters::Refused;
 use echoloop_registration::config::Spacing;
 use serde::{Deserialize, Serialize};
 
-use super::error::ValueError;
-
-/// How values lie along an axis.
+/// Spacing of the values of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scale {
-    /// Evenly.
+    /// Even.
     Linear,
-    /// Evenly in the logarithm.
+    /// Even in the logarithm.
     Log,
     /// Whole numbers, each with an equal share.
     Integer,
@@ -36,11 +35,11 @@ pub struct Axis {
     pub name: &'static str,
     /// Unit; empty for plain numbers.
     pub unit: &'static str,
-    /// How values lie.
+    /// Spacing of the values.
     pub scale: Scale,
-    /// Least value.
+    /// Minimum.
     pub min: f64,
-    /// Greatest value.
+    /// Maximum.
     pub max: f64,
     /// Default.
     pub default: f64,
@@ -59,7 +58,7 @@ impl Axis {
         }
     }
 
-    /// The coordinate of a value; of a whole number, the middle of its share.
+    /// The coordinate of a value; for a whole number, the middle of its share.
     pub fn to_cube(&self, value: f64) -> f64 {
         let Self { min, max, .. } = *self;
         let u = match self.scale {
@@ -71,8 +70,7 @@ impl Axis {
         u.clamp(0.0, 1.0)
     }
 
-    /// How many values there are, each with an equal share of the axis; `None` where every value is
-    /// allowed.
+    /// Number of values, each with an equal share of the axis; `None` where every value is allowed.
     pub fn cells(&self) -> Option<usize> {
         match self.scale {
             Scale::Linear | Scale::Log => None,
@@ -81,25 +79,21 @@ impl Axis {
         }
     }
 
-    pub(super) fn require(&self, value: f64) -> Result<(), ValueError> {
+    pub(super) fn require(&self, value: f64) -> Result<(), Refused> {
         if self.cells().is_some() && value.is_finite() && value.fract() != 0.0 {
-            return Err(ValueError::Fraction { name: self.name.to_owned(), value });
+            return Err(Refused::new(self.name, value, "a whole number"));
         }
-        if (self.min..=self.max).contains(&value) {
+        let Self { name: key, min, max, unit, .. } = *self;
+        if (min..=max).contains(&value) {
             return Ok(());
         }
-        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
-        Err(ValueError::Range {
-            name: self.name.to_owned(),
-            value,
-            min: self.min,
-            max: self.max,
-            unit,
-        })
+        let space = if unit.is_empty() { "" } else { " " };
+        let problem = format!(" is outside {min} to {max}{space}{unit}");
+        Err(Refused { key, value: value.to_string(), problem })
     }
 }
 
-/// Which of `count` equal shares of 0 to 1 a coordinate lies in.
+/// Index of the share of a coordinate among `count` equal shares of 0 to 1.
 fn cell(u: f64, count: f64) -> f64 {
     (u * count).floor().min(count - 1.0)
 }

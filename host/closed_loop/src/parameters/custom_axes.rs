@@ -1,4 +1,4 @@
-//! `[tune.axes]` laid over the usual axes.
+//! Axes of a search as `[tune.axes]` changes them.
 
 use echoloop_dsp::ParameterId;
 use echoloop_registration::{Method, setting};
@@ -6,18 +6,19 @@ use echoloop_registration::{Method, setting};
 use super::axis::{Axis, Scale};
 use super::error::ValueError;
 use super::ranges::free_setting;
-use super::{Parameters, Space, choices, lidar_axis, theta_reg};
+use super::table::{lidar_axis, tunable};
+use super::{Parameters, Space, choices, theta_reg};
 use crate::config::preset::{PowerRange, Preset};
 use crate::config::{AxisChoice, OwnAxes};
 
 impl Space {
-    /// The same with the axes that the user chose: fixed ones left out, others let in, bounds as
-    /// given. The sensor's stay before registration's.
+    /// The space with the user's axes: fixed ones removed, free ones added, bounds as given. The
+    /// sensor's axes stay before registration's.
     ///
     /// # Errors
     ///
-    /// [`ValueError::Axis`] of a parameter that the method does not have, of bounds that the sensor
-    /// or the method does not take, and of a start that lies outside them.
+    /// [`ValueError::Axis`] for a parameter that the method does not have, bounds that the sensor
+    /// or the method refuses, or a start outside them.
     pub fn with_own(mut self, own: &OwnAxes) -> Result<Self, ValueError> {
         for (name, choice) in own.iter() {
             self.choose(name, choice)
@@ -56,7 +57,7 @@ impl Space {
     }
 }
 
-/// A parameter's usual axis, whether a search has it or not; without a range where none is usual.
+/// Usual axis of a parameter, searched or not; without a range where none is usual.
 fn usual_axis(name: &str, start: &Parameters, method: Method) -> Option<Axis> {
     if let Some(id) = name.strip_prefix("lidar.").and_then(ParameterId::by_name) {
         return Some(lidar_axis(id, PowerRange::Usual, &start.settings));
@@ -65,7 +66,7 @@ fn usual_axis(name: &str, start: &Parameters, method: Method) -> Option<Axis> {
     axes.into_iter().find(|axis| axis.name == name).or_else(|| free_setting(name, method))
 }
 
-/// An axis within other bounds, spaced as they are.
+/// The axis within other bounds.
 fn bounded(axis: Axis, min: f64, max: f64, log: Option<bool>) -> Result<Axis, String> {
     if !choices(axis.name).is_empty() {
         return Err(format!("it chooses from {}: free or fixed", choices(axis.name).join(", ")));
@@ -96,13 +97,12 @@ fn is_power_of_two(value: f64) -> bool {
     value >= 1.0 && libm::log2(value).fract() == 0.0
 }
 
-/// Bounds that the sensor, or the method, takes.
+/// Checks that the sensor or the method accepts both ends.
 fn accepted(axis: &Axis, method: Method) -> Result<(), String> {
     let Axis { min, max, .. } = *axis;
     let unit = if axis.unit.is_empty() { String::new() } else { format!(" {}", axis.unit) };
-    if let Some(id) = axis.name.strip_prefix("lidar.").and_then(ParameterId::by_name) {
-        let p = id.parameter();
-        let [least, most] = [p.min, p.max].map(|code| p.to_unit(code));
+    if let Some(sensor) = tunable(axis.name).and_then(|row| row.bounds.range()) {
+        let (least, most) = (sensor.min, sensor.max);
         return match least <= min && max <= most {
             true => Ok(()),
             false => Err(format!(
@@ -120,7 +120,7 @@ fn accepted(axis: &Axis, method: Method) -> Result<(), String> {
     }
 }
 
-/// An axis with the start's value, which lies on it.
+/// The axis with the start as its default; the start must lie on it.
 fn started(axis: Axis, start: &Parameters) -> Result<Axis, String> {
     let name = axis.name;
     let Some(value) = start.get(name) else {

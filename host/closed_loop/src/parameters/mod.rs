@@ -8,15 +8,16 @@ mod custom_axes;
 mod error;
 mod ranges;
 mod repair;
+mod table;
 mod theta_reg;
 mod written;
 
 use std::collections::BTreeMap;
-use std::sync::LazyLock;
 
 use echoloop_cmaes::Coordinate;
-use echoloop_dsp::{Hardware, Kind, PARAMETERS, ParameterId, Settings};
+use echoloop_dsp::{Hardware, PARAMETERS, ParameterId, Settings};
 use echoloop_files::shown;
+use echoloop_parameters::Refused;
 
 use crate::config::RunConfig;
 use crate::config::preset::{LidarPreset, PowerRange, Preset, Protocol};
@@ -26,8 +27,11 @@ pub use axis::{Axis, Scale};
 pub use error::ValueError;
 pub use ranges::Ranges;
 pub use repair::{Limits, repair};
+pub use table::{Row, choices, table, tunable, tunable_rows};
 pub use theta_reg::{ThetaReg, axes};
 pub use written::{written, written_values};
+
+use table::{is_whole, lidar_axis, lidar_name};
 
 /// One whole set of parameters, sensor and registration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,16 +66,8 @@ pub fn effective(values: &Values, name: &str) -> Option<f64> {
     })
 }
 
-/// The names that a named parameter chooses from, by number from 0; none when it is no choice.
-pub fn choices(name: &str) -> &'static [&'static str] {
-    match name.strip_prefix("lidar.").and_then(ParameterId::by_name).map(|id| id.parameter().kind) {
-        Some(Kind::Choice { names }) => names,
-        _ => &[],
-    }
-}
-
 impl Parameters {
-    /// Where a configuration starts.
+    /// Start of a configuration.
     ///
     /// # Errors
     ///
@@ -85,7 +81,7 @@ impl Parameters {
         Ok(parameters)
     }
 
-    /// A configuration that is as another, but starts with these parameters.
+    /// A copy of a configuration that starts with these parameters.
     pub fn as_start_of(&self, config: &RunConfig) -> RunConfig {
         let mut config = config.clone();
         config.lidar.0 = self.settings;
@@ -117,7 +113,7 @@ impl Parameters {
         self.registration.set(name, value)
     }
 
-    /// Every parameter by name, in its unit.
+    /// Values of all parameters by name, in their units.
     pub fn values<'a>(&self, ranges: impl Into<Ranges<'a>>) -> Values {
         let lidar = PARAMETERS.iter().map(|p| format!("lidar.{}", p.name));
         let registration =
@@ -158,34 +154,28 @@ impl Parameters {
     }
 }
 
-/// Named values by their current names, each of a parameter of the sensor or of `registration`,
-/// finite, and whole where it must be.
+/// Named values by their current names. Each must belong to the sensor or to `registration`, be
+/// finite, and be whole where the parameter is.
 fn recognised(values: &Values, registration: &[Axis]) -> Result<Values, ValueError> {
     let named = values.iter().map(|(given, &value)| {
-        let name = theta_reg::current_name(given);
-        let id = name.strip_prefix("lidar.").and_then(ParameterId::by_name);
-        if id.is_none() && !registration.iter().any(|axis| axis.name == name) {
+        let is_known = |name: &str| {
+            name.starts_with("lidar.") || registration.iter().any(|axis| axis.name == name)
+        };
+        let Some(name) = tunable(given).map(|row| row.key).filter(|name| is_known(name)) else {
             let sensor = PARAMETERS.iter().map(|p| format!("lidar.{}", p.name));
             let own = registration.iter().map(|axis| axis.name.to_owned());
             let known: Vec<String> = sensor.chain(own).collect();
             return Err(ValueError::Unknown(shown(given), known.join(", ")));
-        }
+        };
         if !value.is_finite() {
-            return Err(ValueError::NotFinite { name, value });
+            return Err(Refused::new(name, value, "finite").into());
         }
-        if is_whole(&name) && value.fract() != 0.0 {
-            return Err(ValueError::Fraction { name, value });
+        if is_whole(name) && value.fract() != 0.0 {
+            return Err(Refused::new(name, value, "a whole number").into());
         }
-        Ok((name, value))
+        Ok((name.to_owned(), value))
     });
     named.collect()
-}
-
-/// Whether the parameter of that name takes whole numbers only.
-fn is_whole(name: &str) -> bool {
-    let id = name.strip_prefix("lidar.").and_then(ParameterId::by_name);
-    let count = name.strip_prefix(theta_reg::SECTION).is_some_and(theta_reg::is_count);
-    count || id.is_some_and(|id| !matches!(id.parameter().kind, Kind::Real { .. }))
 }
 
 /// The cube a search moves in.
@@ -216,7 +206,7 @@ impl Space {
         Self { axes, start, hardware }
     }
 
-    /// Whether a cost hangs on what is searched.
+    /// True when a cost depends on a searched parameter.
     pub fn changes(&self, cost: CostKind) -> bool {
         match cost.changed_by() {
             [] => !self.lidar_axes().is_empty(),
@@ -224,7 +214,7 @@ impl Space {
         }
     }
 
-    /// The same, with power taken as far as said.
+    /// The same space with another range of the power.
     pub fn with_power(mut self, power: PowerRange) -> Self {
         let own = lidar_axis(ParameterId::Power, power, &self.start.settings);
         self.axes.iter_mut().filter(|axis| axis.name == own.name).for_each(|axis| *axis = own);
@@ -236,12 +226,12 @@ impl Space {
         &self.axes
     }
 
-    /// The numbers of the sensor's axes.
+    /// Indices of the sensor's axes.
     pub fn lidar_axes(&self) -> Vec<usize> {
         self.numbers(|name| name.starts_with("lidar."))
     }
 
-    /// The numbers of the registration's axes.
+    /// Indices of the registration's axes.
     pub fn registration_axes(&self) -> Vec<usize> {
         self.numbers(|name| !name.starts_with("lidar."))
     }
@@ -251,7 +241,7 @@ impl Space {
         axes.filter(|(_, axis)| is_asked(axis.name)).map(|(i, _)| i).collect()
     }
 
-    /// What the optimiser is told of an axis: a choice has names, in no order. Counts are rounded:
+    /// Kind of an axis for the optimiser: a choice has names, in no order. Counts are rounded:
     /// in as few generations a margin is worth a few percent of the loss at most, and nothing where
     /// noise is large (benches/record/optimiser.md).
     pub fn coordinate(&self, axis: usize) -> Coordinate {
@@ -282,8 +272,8 @@ impl Space {
             .collect()
     }
 
-    /// Where a search may begin instead: at named values of its axes, brought within their bounds
-    /// and the joint constraints as a candidate is. All else stays where it starts.
+    /// Another start of the search: named values of its axes, brought within their bounds and the
+    /// joint constraints as a candidate is. All else stays where it starts.
     ///
     /// # Errors
     ///
@@ -303,11 +293,11 @@ impl Space {
         Ok(self.parameters(&point).0)
     }
 
-    /// What is not searched stays where it starts, what is searched within its bounds.
+    /// Limits of a repair: a fixed parameter stays at its start, a searched one within its bounds.
     fn limits(&self) -> Limits {
         let settings = &self.start.settings;
         let bounds = |id: ParameterId, fixed: i32| {
-            let name = &LIDAR_NAMES[id as usize];
+            let name = lidar_name(id);
             let axis = self.axes.iter().find(|axis| axis.name == name);
             let code = |value| id.parameter().to_code(value);
             axis.map_or([fixed; 2], |axis| [code(axis.min), code(axis.max)])
@@ -331,38 +321,10 @@ impl Space {
     }
 }
 
-/// An axis of Θ_lidar, from the firmware's table; that of power as far as a search may go.
-fn lidar_axis(id: ParameterId, power: PowerRange, start: &Settings) -> Axis {
-    let p = id.parameter();
-    let scale = match p.kind {
-        Kind::Real { log: true } => Scale::Log,
-        Kind::Real { log: false } => Scale::Linear,
-        Kind::Integer => Scale::Integer,
-        Kind::PowerOfTwo => Scale::PowerOfTwo,
-        Kind::Choice { .. } => Scale::Integer,
-    };
-    let default = p.to_unit(p.default.unwrap_or_else(|| start.separation_mm().clamp(p.min, p.max)));
-    let min = match id {
-        ParameterId::Power => power.least_w(p.to_unit(start.power_uw)),
-        _ => p.to_unit(p.min),
-    };
-    Axis {
-        name: &LIDAR_NAMES[id as usize],
-        unit: p.unit,
-        scale,
-        min,
-        max: p.to_unit(p.max),
-        default,
-    }
-}
-
-/// `lidar.` and the table's names, in its order.
-static LIDAR_NAMES: LazyLock<Vec<String>> =
-    LazyLock::new(|| PARAMETERS.iter().map(|p| format!("lidar.{}", p.name)).collect());
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use echoloop_dsp::Kind;
     use echoloop_registration::Method;
 
     fn space(protocol: Protocol) -> Space {

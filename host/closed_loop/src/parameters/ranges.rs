@@ -1,14 +1,15 @@
-//! What parameters may be: a preset's ranges, and those of `[tune.axes]`.
+//! Ranges of parameters: those of a preset, changed by `[tune.axes]`.
 
-use echoloop_registration::config::Spacing;
+use echoloop_parameters::{Kind, Parameter};
 use echoloop_registration::{Method, setting};
 
-use super::axis::Axis;
+use super::axis::{Axis, Scale};
+use super::table::tunable;
 use super::theta_reg;
 use crate::config::preset::Preset;
 use crate::config::{AxisChoice, OwnAxes, RunConfig};
 
-/// Which ranges parameters have: a preset's, and what the user has of its own.
+/// Ranges of parameters: a preset's, and the user's own.
 #[derive(Clone, Copy, Debug)]
 pub struct Ranges<'a> {
     preset: Preset,
@@ -33,8 +34,7 @@ impl Ranges<'_> {
         self.preset
     }
 
-    /// What registration's parameters may be: a fixed one all that its method takes, which the
-    /// method says itself.
+    /// Axes of registration's parameters. A fixed one has no ends here: the method checks it.
     pub fn of_registration(&self, method: Method) -> Vec<Axis> {
         let mut axes = theta_reg::axes(method, self.preset);
         let Some(own) = self.own else { return axes };
@@ -58,11 +58,12 @@ impl Ranges<'_> {
     }
 }
 
-/// An axis of a setting that no preset searches, still without a range.
+/// Axis of a setting that no preset searches, without a range.
 pub(super) fn free_setting(name: &str, method: Method) -> Option<Axis> {
     let key = name.strip_prefix(theta_reg::SECTION)?;
-    let setting = setting(key).filter(|setting| setting.of(method).is_some())?;
-    let scale = if theta_reg::is_count(key) { Spacing::Whole } else { Spacing::Linear };
+    setting(key).filter(|setting| setting.of(method).is_some())?;
+    let &Parameter { key: name, unit, kind, .. } = tunable(name)?;
+    let scale = if kind == Kind::Whole { Scale::Integer } else { Scale::Linear };
     let (min, max, default) = (f64::NEG_INFINITY, f64::INFINITY, f64::NAN);
-    Some(Axis { name: setting.path, unit: setting.unit, scale: scale.into(), min, max, default })
+    Some(Axis { name, unit, scale, min, max, default })
 }

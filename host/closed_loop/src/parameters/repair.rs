@@ -1,9 +1,9 @@
-//! Joint constraints: a candidate that breaks one is repaired, and says so; the sensor would refuse
-//! it.
+//! Joint constraints of the sensor: a candidate that breaks one is repaired, and the repair
+//! reported. The sensor would refuse it.
 
 use echoloop_dsp::{Hardware, ParameterId, Settings};
 
-/// How far a repair may go where there is a choice: codes, both ends included.
+/// Limits of a repair where there is a choice: codes, both ends included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Least power, µW.
@@ -13,7 +13,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// As far as the sensor goes.
+    /// The sensor's own limits.
     pub fn of_sensor() -> Self {
         let width = ParameterId::PulseWidth.parameter();
         let least_power_uw = ParameterId::Power.parameter().min;
@@ -24,11 +24,10 @@ impl Limits {
 /// Brings settings whose fields are each in range within the joint constraints; names what was
 /// changed.
 ///
-/// Too few samples a pulse: the pulse is widened as far as the limits let it, else there are more
-/// bins. Too much energy: the power is lowered, as far as
-/// the limits let it; then the pulse is shortened; where neither is enough, the power is lowered
-/// beyond its limit. A gain that rises beyond the middle of the window: its range ends there, or it
-/// rises nowhere. (S > N holds by the ranges.)
+/// Too few samples a pulse: the pulse is widened up to its limit; beyond it, bins are added. Too
+/// much energy: the power is lowered to its limit, then the pulse shortened; where neither is
+/// enough, the power is lowered beyond its limit. A gain that rises beyond the middle of the
+/// window: it rises up to there, or nowhere. (S > N holds by the ranges.)
 pub fn repair(settings: &mut Settings, hardware: &Hardware, limits: &Limits) -> Vec<&'static str> {
     let mut repaired = Vec::new();
     if hardware.shortest_pulse_ps(settings.bins) > limits.pulse_ps[1] {
@@ -63,15 +62,15 @@ pub fn repair(settings: &mut Settings, hardware: &Hardware, limits: &Limits) -> 
     repaired
 }
 
-/// The fewest bins, from so many on, that sample a pulse often enough; the most that there are,
-/// where that is not enough.
+/// Smallest number of bins, from `bins` up, that samples a pulse often enough; the maximum where
+/// none does.
 fn bins_for(width_ps: i32, bins: i32, hardware: &Hardware) -> i32 {
     let most = ParameterId::WaveformResolution.parameter().max;
     (bins..most).find(|&bins| hardware.shortest_pulse_ps(bins) <= width_ps).unwrap_or(most)
 }
 
-/// Shortens a pulse that has too much energy at the least power there may be, and no more than to
-/// the shortest; says so. The power is then brought down as far as is still needed.
+/// Shortens a pulse that has too much energy at the lowest allowed power, down to the shortest at
+/// most. The power is then lowered as far as is still needed.
 fn weaken(
     settings: &mut Settings,
     hardware: &Hardware,

@@ -1,5 +1,6 @@
-//! Θ_reg: the axes of each method, and its settings as the search has them.
+//! Θ_reg: axes and settings of each method.
 
+use echoloop_parameters::Refused;
 use echoloop_registration::config::Use;
 use echoloop_registration::{
     ConfigError, FgrConfig, FgrMode, IcpConfig, Kind, Method, MethodConfig, Registration, Setting,
@@ -14,29 +15,17 @@ use crate::config::preset::Preset;
 /// The prefix of these parameters' names.
 pub(super) const SECTION: &str = "registration.";
 
-/// Today's name of a parameter, whether it was given by that or by a former one.
-pub(super) fn current_name(name: &str) -> String {
-    let setting = name.strip_prefix(SECTION).and_then(setting);
-    setting.map_or(name, |setting| setting.path).to_owned()
-}
-
-/// Whether the setting of that key counts things.
-pub(super) fn is_count(key: &str) -> bool {
-    setting(key).is_some_and(|setting| setting.kind == Kind::Count)
-}
-
-/// Θ_reg of one method, and whether ICP finishes what it finds.
+/// Θ_reg of one method, and its refinement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThetaReg {
     /// The method's settings.
     pub method: MethodConfig,
-    /// Whether point-to-plane ICP goes on from a global method's result.
+    /// True when point-to-plane ICP refines the result of a global method.
     pub refine: bool,
 }
 
 impl ThetaReg {
-    /// Where a configuration starts: the preset's defaults, then what it chooses within
-    /// these ranges.
+    /// Start of a configuration: the preset's defaults, then its own values within these ranges.
     ///
     /// # Errors
     ///
@@ -70,8 +59,8 @@ impl ThetaReg {
         Ok(theta)
     }
 
-    /// Takes a value that the configuration gives: of an axis within its range, of another setting
-    /// within the method's bounds.
+    /// Sets a value of the configuration: within its range if it is an axis, else within the
+    /// method's bounds.
     fn give(&mut self, key: &'static str, value: f64, axes: &[Axis]) -> Result<(), ValueError> {
         let method = self.method.method();
         let of_method = setting(key).filter(|setting| setting.of(method).is_some());
@@ -81,7 +70,7 @@ impl ThetaReg {
         match axes.iter().find(|axis| axis.name == setting.path) {
             Some(axis) => axis.require(value)?,
             None if setting.kind == Kind::Count && value.fract() != 0.0 => {
-                return Err(ValueError::Fraction { name: setting.path.into(), value });
+                return Err(Refused::new(setting.path, value, "a whole number").into());
             }
             None => {}
         }
@@ -114,7 +103,7 @@ impl ThetaReg {
         name.strip_prefix(SECTION).is_some_and(|key| self.method.set(key, value))
     }
 
-    /// Whether the settings go together.
+    /// Checks that the settings go together.
     ///
     /// # Errors
     ///
@@ -123,8 +112,8 @@ impl ThetaReg {
         self.method.check()
     }
 
-    /// Brings settings whose values are each in range within what they owe each other; names what
-    /// was changed.
+    /// Brings settings that are each in range within their joint rules; returns the names of those
+    /// changed.
     ///
     /// A feature's neighbourhood narrower than a normal's is widened to it (Sec. 3.3: φ_rad2 ≥
     /// φ_rad1).
@@ -149,7 +138,7 @@ impl ThetaReg {
     }
 }
 
-/// What a preset starts from, before its axes.
+/// Defaults of a preset, before its axes.
 fn defaults(method: Method, preset: Preset) -> MethodConfig {
     match preset {
         Preset::Outdoor => MethodConfig::outdoor(method),

@@ -2,7 +2,8 @@
 
 use serde::Serializer;
 
-use super::{Values, is_whole};
+use super::Values;
+use super::table::is_whole;
 use crate::written::Written;
 
 /// The value of a named parameter, as it is written.

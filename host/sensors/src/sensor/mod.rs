@@ -19,8 +19,8 @@ use crate::boards::pc::{PcSensor, hardware_for};
 use crate::boards::shots::Shots;
 use echoloop_dsp::{Echoes, Hardware, ScanPattern, Settings};
 use echoloop_frontend::SceneResponse;
-use echoloop_keys::Value;
 use echoloop_link::{Noise, Room};
+use echoloop_parameters::Value;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 

@@ -2,12 +2,12 @@
 
 /// Defines a section.
 ///
-/// A row is a field: its type, its unit, what it must be, and a sentence that is its documentation
-/// too. Attributes stand before it. Fields that are no keys of this section follow in braces of
-/// their own, after `beside`.
+/// A row is a field: its type, its unit, its bounds, and a sentence that is its documentation too.
+/// Attributes stand before it. Fields that are no keys of this section follow in braces of their
+/// own, after `beside`.
 ///
 /// The struct has `KEYS`, in the order of the rows, and `check_keys`, which refuses the first that
-/// is not as it must be.
+/// is out of bounds.
 #[macro_export]
 macro_rules! section {
     (
@@ -15,7 +15,7 @@ macro_rules! section {
         pub struct $name:ident in $section:literal {
             $(
                 $(#[$attribute:meta])*
-                $field:ident: $type:ty, $unit:literal, $must:expr, $help:literal;
+                $field:ident: $type:ty, $unit:literal, $bounds:expr, $help:literal;
             )*
         }
         $(beside {
@@ -34,19 +34,19 @@ macro_rules! section {
 
         impl $name {
             /// Its keys.
-            pub const KEYS: &'static [$crate::Key] = &[$($crate::Key {
-                name: concat!($section, ".", stringify!($field)),
+            pub const KEYS: &'static [$crate::Parameter] = &[$($crate::Parameter {
+                key: concat!($section, ".", stringify!($field)),
                 unit: $unit,
                 kind: <$type as $crate::Value>::KIND,
-                must: $must,
+                bounds: $bounds,
                 help: $help,
             }),*];
 
-            /// Refuses the first key that is not as it must be by itself.
+            /// Checks each key by itself.
             ///
             /// # Errors
             ///
-            /// `Refused` names it and its bound.
+            /// `Refused` names the first key out of bounds.
             pub fn check_keys(&self) -> Result<(), $crate::Refused> {
                 let mut keys = Self::KEYS.iter();
                 $(
