@@ -34,3 +34,4 @@ pub mod sensor;
 pub mod serve;
 pub mod size;
 pub mod transport;
+pub mod wording;
