@@ -5,15 +5,12 @@
 //! and prints it as text or as one JSON document. It ends with a [`Failure`], which has the exit
 //! code. To add one: a file with `Args` and `run`, a variant of `Command`, a line in [`Cli::run`].
 
-mod atomic_folder;
 mod axis_flags;
-mod candidate;
 mod choice;
 mod cloud_output;
 mod common;
 mod compare;
 mod config;
-mod configured_sensor;
 mod difficulty;
 mod echoes;
 mod evaluate;
@@ -25,7 +22,6 @@ mod method_flags;
 mod number;
 mod order;
 mod pairs;
-mod parameter_table;
 mod prepared;
 mod progress;
 mod rate;
@@ -39,12 +35,9 @@ mod scan_along;
 mod scene;
 mod sensor;
 mod serve;
-mod shown_pair;
 mod store;
-mod stream;
 mod table_format;
 mod tune;
-mod tuned_run;
 
 use std::ffi::OsString;
 
@@ -54,6 +47,7 @@ use clap_complete::Shell;
 use echoloop_files::shown;
 
 use echoloop_closed_loop::config::preset::Preset;
+use echoloop_closed_loop::parameters::parameter_table;
 use echoloop_registration::Method;
 
 pub use exit::{Failure, READER_GONE, report_failure};
@@ -174,7 +168,7 @@ pub fn command() -> clap::Command {
         "Parameters, set with --set KEY=VALUE or in a file ([lidar], [registration]); those of \
          another method: \
          `echoloop config --parameters --set registration.method=fgr`.\n\n{}",
-        parameter_table::parameter_table(Method::Icp, Preset::Outdoor)
+        parameter_table(Method::Icp, Preset::Outdoor)
     );
     let with_parameters = |c: clap::Command| c.after_long_help(help.clone());
     let command = Cli::command().mut_subcommand("tune", with_parameters);

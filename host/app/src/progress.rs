@@ -12,7 +12,7 @@ use echoloop_closed_loop::run_folder::journal::Generation;
 use echoloop_closed_loop::search::Observer;
 use echoloop_files::say;
 
-/// Shows how far the work is.
+/// Progress of a command.
 pub(super) struct Progress {
     bar: ProgressBar,
     /// Lines instead of a bar.
@@ -45,15 +45,18 @@ impl Progress {
         }
     }
 
-    /// How far the part is.
-    pub(super) fn at(&self, step: u64) {
-        self.bar.set_position(step);
+    /// Begins tracing; the function it gives takes a fraction of 1 and the present step.
+    pub(super) fn scanning(&self) -> impl Fn(f64, &str) + '_ {
+        self.begin("scanning", 1000);
+        |fraction, step| {
+            self.at((fraction * 1000.0) as u64);
+            self.bar.set_message(shown(step));
+        }
     }
 
-    /// How far a part of 1000 steps is, as a fraction, and what it is at.
-    pub(super) fn at_what(&self, fraction: f64, what: &str) {
-        self.at((fraction * 1000.0) as u64);
-        self.bar.set_message(shown(what));
+    /// Steps of the part that are done.
+    pub(super) fn at(&self, step: u64) {
+        self.bar.set_position(step);
     }
 
     /// A remark.
@@ -65,7 +68,7 @@ impl Progress {
         }
     }
 
-    /// No more.
+    /// Ends the part.
     pub(super) fn end(&self) {
         self.bar.finish_and_clear();
     }

@@ -9,7 +9,7 @@ use echoloop_closed_loop::run_folder::files::{
     Output, PART, beside, is_free_for_a_file, make_folders, replace,
 };
 use echoloop_closed_loop::run_folder::run::{REPORT, RESULT, RunFolder};
-use echoloop_report::finished_runs::{FinishedRun, RunError, page};
+use echoloop_report::finished_runs::{FinishedRun, page};
 use echoloop_report::{Figure, Report};
 
 /// Flags of `report`.
@@ -88,10 +88,4 @@ pub(super) fn write_figures(figures: &[Figure], folder: &Path) -> Result<(), Fai
         replace(&picture, png)?;
     }
     Ok(())
-}
-
-impl From<RunError> for Failure {
-    fn from(error: RunError) -> Self {
-        Self::usage(error)
-    }
 }

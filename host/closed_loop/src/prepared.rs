@@ -1,29 +1,67 @@
-//! What `tune`, `evaluate` and `pairs` do first: meet the sensor, trace the scans.
+//! Preparation of a run: a sensor that takes the configured start, the axes, the traced pairs.
+//!
+//! [`Met::new`] asks the sensor, [`Met::traced`] traces the pairs, [`Prepared::search`] is the
+//! search of both.
 
 use std::sync::atomic::AtomicBool;
 
 use clap::ValueEnum;
 use echoloop_dsp::Hardware;
-use echoloop_keys::{Kind, Must};
+use thiserror::Error;
 
-use super::choice::{SensorChoice, described, introduce};
-use super::exit::Failure;
-use super::method_choice::toml_name;
-use super::number::{flag, read};
-use super::progress::Progress;
-use echoloop_closed_loop::config::RunConfig;
-use echoloop_closed_loop::config::preset::Strategy;
-use echoloop_closed_loop::dataset::{Dataset, DatasetError, Facts};
-use echoloop_closed_loop::evaluation::objective::Bench;
-use echoloop_closed_loop::evaluation::summary::{NoisyPairs, Summary};
-use echoloop_closed_loop::parameters::{Parameters, Space};
-use echoloop_closed_loop::search::{Stage, TuneSearch, stages};
-use echoloop_closed_loop::seed::Purpose;
-use echoloop_sensors::sensor::{Model, Sensors};
+use crate::config::RunConfig;
+use crate::config::preset::Strategy;
+use crate::cost::CostKind;
+use crate::dataset::{Dataset, DatasetError};
+use crate::evaluation::objective::Bench;
+use crate::evaluation::summary::NoisyPairs;
+use crate::parameters::{Parameters, Space, ValueError};
+use crate::search::{Stage, TuneSearch, stages};
+use crate::seed::Purpose;
+use echoloop_sensors::sensor::{Model, SensorError, Sensors};
 
-/// Which pairs.
+/// A run that cannot begin.
+#[derive(Debug, Error)]
+pub enum PrepareError {
+    /// There is no sensor, or it is not as configured.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// The sensor's hardware or the search refuses a parameter.
+    #[error(transparent)]
+    Value(#[from] ValueError),
+    /// A warm start is refused.
+    #[error("tune.warm_starts, {number}: {source}")]
+    WarmStart {
+        /// Its number, from 1.
+        number: usize,
+        /// Reason.
+        source: ValueError,
+    },
+    /// A cost is to be made small, or drawn, that the search does not change.
+    #[error(
+        "{key} = {}: nothing that is searched changes it; expected {} among what is searched \
+         (--protocol, --tune)",
+        cost.key(),
+        changed_by(*cost)
+    )]
+    FixedCost {
+        /// The key.
+        key: &'static str,
+        /// The cost.
+        cost: CostKind,
+    },
+}
+
+fn changed_by(cost: CostKind) -> String {
+    match cost.changed_by() {
+        [] => "a parameter of the sensor".to_owned(),
+        some => some.join(" or "),
+    }
+}
+
+/// One of the two sets of pairs.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-pub(super) enum PairSet {
+pub enum PairSet {
     /// Those that a search sees.
     Train,
     /// Those that it is judged on: other viewpoints of the same towns.
@@ -31,8 +69,8 @@ pub(super) enum PairSet {
 }
 
 impl PairSet {
-    /// As in `--pairs`.
-    pub(super) fn name(self) -> &'static str {
+    /// Name on the command line and in documents.
+    pub fn name(self) -> &'static str {
         match self {
             Self::Train => "train",
             Self::Test => "test",
@@ -40,94 +78,127 @@ impl PairSet {
     }
 }
 
-/// A sensor that was met, and a start that its hardware takes. Nothing is traced yet.
-pub(super) struct Met {
-    pub(super) config: RunConfig,
-    /// Where the configuration starts.
-    pub(super) start: Parameters,
-    /// Where a search may begin instead; none, unless it is to be searched.
+/// Sensors that are as configured, and a start that they take.
+pub struct ConfiguredSensor {
+    /// The sensors.
+    pub sensors: Sensors,
+    /// Name and firmware, as in `serial:/dev/ttyACM0@115200, echoloop-sensor 0.1.0`.
+    pub name: String,
+    /// Hardware, as the sensor reports it.
+    pub hardware: Hardware,
+    /// Start of the configuration.
+    pub start: Parameters,
+}
+
+impl ConfiguredSensor {
+    /// Opens the first sensor and compares it with the configuration. `heard` gets its name before.
+    ///
+    /// # Errors
+    ///
+    /// [`PrepareError`].
+    pub fn new(
+        config: &RunConfig,
+        sensors: Sensors,
+        heard: &dyn Fn(&str),
+    ) -> Result<Self, PrepareError> {
+        let identity = sensors.identity()?;
+        let name = sensors.described(&identity);
+        heard(&name);
+        sensors.check(&identity, &Model::from(config))?;
+        let hardware = identity.hardware;
+        let start = Parameters::start(config, &hardware)?;
+        Ok(Self { sensors, name, hardware, start })
+    }
+}
+
+/// A sensor that was asked, and a start and axes that its hardware takes. Nothing is traced yet.
+pub struct Met {
+    /// The configuration.
+    pub config: RunConfig,
+    /// Start of the configuration.
+    pub start: Parameters,
+    /// Hardware, as the sensor reports it.
+    pub hardware: Hardware,
+    /// Other starts; none unless it is to be searched.
     warm_starts: Vec<Parameters>,
     space: Space,
-    /// As the sensor says.
-    pub(super) hardware: Hardware,
     sensors: Sensors,
     sensor: String,
 }
 
 impl Met {
-    /// Meets the sensor, checks the start against its hardware.
-    pub(super) fn new(
+    /// Asks the sensor and checks start and axes against its hardware. `heard` gets the sensor's
+    /// name.
+    ///
+    /// # Errors
+    ///
+    /// [`PrepareError`].
+    pub fn new(
         config: RunConfig,
-        choice: &SensorChoice,
-        progress: &Progress,
-    ) -> Result<Self, Failure> {
-        let model = Model::from(&config);
-        let sensors = choice.sensors(model.clone())?;
-        let identity = introduce(&sensors, &model, progress)?;
-        let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));
-        let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
+        sensors: Sensors,
+        heard: &dyn Fn(&str),
+    ) -> Result<Self, PrepareError> {
+        let sensor = ConfiguredSensor::new(&config, sensors, heard)?;
+        let ConfiguredSensor { sensors, name: sensor, hardware, start } = sensor;
         let space = space(&config, start, hardware)?;
         Ok(Self { config, start, warm_starts: Vec::new(), space, hardware, sensors, sensor })
     }
 
     /// The same, to be searched: with the configuration's warm starts, which only a search takes.
-    pub(super) fn for_a_search(self) -> Result<Self, Failure> {
-        self.expect_a_cost_that_changes()?;
-        let each = self.config.tune.warm_starts.iter().enumerate();
-        let taken = each.map(|(i, values)| {
-            let refused = |error| Failure::usage(format!("tune.warm_starts, {}: {error}", i + 1));
-            self.space.warm_start(values, &self.config).map_err(refused)
+    ///
+    /// # Errors
+    ///
+    /// [`PrepareError::WarmStart`], [`PrepareError::FixedCost`].
+    pub fn for_a_search(self) -> Result<Self, PrepareError> {
+        let RunConfig { tune, front, .. } = &self.config;
+        for (key, cost) in [("tune.minimise", tune.minimise), ("front.cost", front.cost)] {
+            if let Some(cost) = cost.filter(|&cost| !self.space.changes(cost)) {
+                return Err(PrepareError::FixedCost { key, cost });
+            }
+        }
+        let taken = (1..).zip(&tune.warm_starts).map(|(number, values)| {
+            let start = self.space.warm_start(values, &self.config);
+            start.map_err(|source| PrepareError::WarmStart { number, source })
         });
         let warm_starts = taken.collect::<Result<_, _>>()?;
         Ok(Self { warm_starts, ..self })
     }
 
-    /// What is made small, or drawn, must hang on what is searched.
-    fn expect_a_cost_that_changes(&self) -> Result<(), Failure> {
-        let RunConfig { tune, front, .. } = &self.config;
-        for (key, cost) in [("tune.minimise", tune.minimise), ("front.cost", front.cost)] {
-            if let Some(cost) = cost.filter(|&cost| !self.space.changes(cost)) {
-                let by = match cost.changed_by() {
-                    [] => "a parameter of the sensor".to_owned(),
-                    some => some.join(" or "),
-                };
-                return Err(Failure::usage(format!(
-                    "{key} = {}: nothing that is searched changes it; expected {by} among what \
-                     is searched (--protocol, --tune)",
-                    toml_name(cost)
-                )));
-            }
-        }
-        Ok(())
-    }
-
-    /// Traces the scans.
-    pub(super) fn traced(self, progress: &Progress) -> Result<Prepared, DatasetError> {
-        self.traced_by(Dataset::build, progress)
-    }
-
-    /// Traces the scans, with those of the check where a search has use for them.
-    pub(super) fn traced_for_a_search(self, progress: &Progress) -> Result<Prepared, DatasetError> {
-        match TuneSearch::is_checked(&self.stages(), &self.config) {
-            true => self.traced_by(Dataset::build_with_check, progress),
-            false => self.traced(progress),
-        }
-    }
-
-    fn traced_by(self, build: Build, progress: &Progress) -> Result<Prepared, DatasetError> {
-        let dataset = traced(build, &self.config, progress)?;
-        progress.say(&Facts::new(&dataset).to_string());
+    /// Traces the pairs: [`Dataset::build`].
+    ///
+    /// # Errors
+    ///
+    /// [`DatasetError`].
+    pub fn traced(self, progress: &dyn Fn(f64, &str)) -> Result<Prepared, DatasetError> {
+        let dataset = Dataset::build(&self.config, progress)?;
         Ok(self.with(dataset))
     }
 
-    /// Takes scans that were traced before.
-    pub(super) fn with(self, dataset: Dataset) -> Prepared {
+    /// Traces the pairs, with those of the check where a search has use for them.
+    ///
+    /// # Errors
+    ///
+    /// [`DatasetError`].
+    pub fn traced_for_a_search(
+        self,
+        progress: &dyn Fn(f64, &str),
+    ) -> Result<Prepared, DatasetError> {
+        if !TuneSearch::is_checked(&self.stages(), &self.config) {
+            return self.traced(progress);
+        }
+        let dataset = Dataset::build_with_check(&self.config, progress)?;
+        Ok(self.with(dataset))
+    }
+
+    /// Takes pairs that were traced before.
+    pub fn with(self, dataset: Dataset) -> Prepared {
         let Self { config, start, warm_starts, space, hardware, sensors, sensor } = self;
         Prepared { config, dataset, start, warm_starts, space, hardware, sensors, sensor }
     }
 
-    /// Registrations that a search takes about: those of its stages, and some at the end of each.
-    pub(super) fn registrations(&self) -> usize {
+    /// About as many registrations as a search takes: those of its stages, and some at the end of
+    /// each.
+    pub fn registrations(&self) -> usize {
         let (tune, pairs) = (&self.config.tune, self.config.data.train_pairs);
         let stages = self.stages();
         let raced = if tune.strategy == Strategy::Fast { tune.shortlist + 2 } else { 0 };
@@ -144,51 +215,33 @@ impl Met {
     }
 }
 
-/// [`Dataset::build`], or [`Dataset::build_with_check`].
-type Build = fn(&RunConfig, &dyn Fn(f64, &str)) -> Result<Dataset, DatasetError>;
-
-/// Traces the scans of a configuration.
-pub(super) fn traced(
-    build: Build,
-    config: &RunConfig,
-    progress: &Progress,
-) -> Result<Dataset, DatasetError> {
-    progress.begin("scanning", 1000);
-    build(config, &|fraction, what| progress.at_what(fraction, what))
-}
-
-/// Everything a search needs, made from a configuration.
-pub(super) struct Prepared {
-    pub(super) config: RunConfig,
-    pub(super) dataset: Dataset,
-    pub(super) start: Parameters,
-    /// Where a search may begin instead; none, unless it was met to be searched.
+/// Everything that an evaluation or a search needs.
+pub struct Prepared {
+    /// The configuration.
+    pub config: RunConfig,
+    /// The traced pairs.
+    pub dataset: Dataset,
+    /// Start of the configuration.
+    pub start: Parameters,
     warm_starts: Vec<Parameters>,
-    /// What a search of this configuration moves.
-    pub(super) space: Space,
-    /// As the sensor says.
-    pub(super) hardware: Hardware,
-    pub(super) sensors: Sensors,
-    /// Which sensor, and its firmware.
-    pub(super) sensor: String,
+    /// Axes of a search of this configuration.
+    pub space: Space,
+    /// Hardware, as the sensor reports it.
+    pub hardware: Hardware,
+    /// The sensors.
+    pub sensors: Sensors,
+    /// Name and firmware of the first.
+    pub sensor: String,
 }
 
 impl Prepared {
-    /// Meets the sensor, checks the start against its hardware, then traces the scans.
-    pub(super) fn new(
-        config: RunConfig,
-        choice: &SensorChoice,
-        progress: &Progress,
-    ) -> Result<Self, Failure> {
-        Ok(Met::new(config, choice, progress)?.traced(progress)?)
-    }
-
-    pub(super) fn bench(&self) -> Bench<'_> {
+    /// Pairs and sensors.
+    pub fn bench(&self) -> Bench<'_> {
         Bench { dataset: &self.dataset, sensors: &self.sensors }
     }
 
-    /// Which pairs, and the noise that they always get.
-    pub(super) fn pairs(&self, which: PairSet) -> NoisyPairs<'_> {
+    /// A set of pairs with the noise that it always gets.
+    pub fn pairs(&self, which: PairSet) -> NoisyPairs<'_> {
         let (pairs, purpose) = match which {
             PairSet::Train => (&self.dataset.train, Purpose::ShortlistNoise),
             PairSet::Test => (&self.dataset.test, Purpose::TestNoise),
@@ -196,7 +249,8 @@ impl Prepared {
         NoisyPairs { pairs, seed: self.config.seed, purpose }
     }
 
-    pub(super) fn search<'a>(&'a self, stop: &'a AtomicBool) -> TuneSearch<'a> {
+    /// The search, which ends early once `stop` is set.
+    pub fn search<'a>(&'a self, stop: &'a AtomicBool) -> TuneSearch<'a> {
         TuneSearch {
             config: &self.config,
             bench: self.bench(),
@@ -208,29 +262,17 @@ impl Prepared {
     }
 }
 
-/// The axes of a configuration, with those that the user chose.
-pub(super) fn space(
+/// Axes of a configuration, with those that the user chose.
+///
+/// # Errors
+///
+/// [`ValueError::Axis`].
+pub fn space(
     config: &RunConfig,
     start: Parameters,
     hardware: Hardware,
-) -> Result<Space, Failure> {
+) -> Result<Space, ValueError> {
     let (tune, preset) = (&config.tune, config.registration.preset);
     let space = Space::new(tune.protocol, tune.lidar, preset, start, hardware);
-    space.with_own(&tune.axes).map_err(Failure::usage)
-}
-
-/// Reads `--require-recall`.
-pub(super) fn percent(text: &str) -> Result<f64, String> {
-    read(&flag(Kind::Number, Must::between(0.0, 100.0)), text)
-}
-
-/// Fails with exit code 4 when the recall is below what was asked, percent.
-pub(super) fn require_recall(asked_pct: Option<f64>, summary: &Summary) -> Result<(), Failure> {
-    match asked_pct {
-        Some(asked) if summary.recall_pct < asked => Err(Failure::new(
-            4,
-            format!("recall {:.1} % is below the {asked} % asked", summary.recall_pct),
-        )),
-        _ => Ok(()),
-    }
+    space.with_own(&tune.axes)
 }

@@ -8,9 +8,9 @@ use indicatif::HumanDuration;
 use super::super::choice::SensorChoice;
 use super::super::exit::Failure;
 use super::super::interrupt::INTERRUPTED;
-use super::super::prepared::{Met, Prepared, traced};
+use super::super::prepared::{all_pairs, meet};
 use super::super::progress::Progress;
-use super::super::tune::{Judged, background, result, write_run};
+use super::super::report::write_page;
 use echoloop_closed_loop::checksum::Checksum;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::config::preset::Protocol;
@@ -18,10 +18,12 @@ use echoloop_closed_loop::dataset::Dataset;
 use echoloop_closed_loop::dataset::fingerprint::{Content, build};
 use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::parameters::Parameters;
+use echoloop_closed_loop::prepared::{Met, Prepared};
 use echoloop_closed_loop::run_folder::journal::{Generation, Journal};
 use echoloop_closed_loop::run_folder::provenance::About;
-use echoloop_closed_loop::run_folder::run::{HISTORY, RunFolder, RunResult};
+use echoloop_closed_loop::run_folder::run::{HISTORY, RunFolder};
 use echoloop_closed_loop::search::{Observer, Origin, TuneSearch, Tuned};
+use echoloop_closed_loop::tuning::{Judged, result, write_run};
 use echoloop_study::{Base, Cell, Folder, Record, Times, Took, TrainedIn};
 
 /// Returns of all scans that are kept: more than so many, and the oldest scans go.
@@ -120,8 +122,8 @@ impl<'a> Runner<'a> {
 
     fn met(&self, cell: &Cell) -> Result<Met, Failure> {
         let config = cell.config(self.base).map_err(Failure::usage)?;
-        let met = Met::new(config, &SensorChoice::in_process(), &Progress::new(true))?;
-        if cell.is_searched() { met.for_a_search() } else { Ok(met) }
+        let met = meet(config, &SensorChoice::in_process(), &Progress::new(true))?;
+        Ok(if cell.is_searched() { met.for_a_search()? } else { met })
     }
 
     /// Everything that a cell needs.
@@ -202,9 +204,9 @@ impl<'a> Runner<'a> {
         tuned: &Tuned,
         judged: Judged,
     ) -> Result<(), Failure> {
-        let background = Some(background(search, tuned));
-        let result = RunResult { background, ..result(prepared, tuned, judged) };
-        write_run(run, prepared, tuned, &result)
+        let result = result(search, tuned, judged);
+        write_run(run, prepared, &tuned.parameters, &result)?;
+        write_page(run)
     }
 
     /// The pairs of a cell; where it is trained elsewhere, only those to judge on are its own.
@@ -225,7 +227,7 @@ impl<'a> Runner<'a> {
         if let Some((_, dataset)) = self.kept.iter().find(|(kept, _)| *kept == key) {
             return Ok(dataset.clone());
         }
-        let dataset = traced(Dataset::build_with_check, config, self.progress)?;
+        let dataset = all_pairs(config, self.progress)?;
         self.kept.push((key, dataset.clone()));
         while self.kept.len() > 1 && returns(&self.kept) > MOST_RETURNS {
             self.kept.remove(0);

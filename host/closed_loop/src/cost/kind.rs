@@ -33,6 +33,11 @@ impl CostKind {
         }
     }
 
+    /// As the configuration has it.
+    pub fn key(self) -> &'static str {
+        if self == Self::Seconds { "seconds" } else { self.name() }
+    }
+
     /// As the head of a column has it.
     pub fn title(self) -> &'static str {
         match self {

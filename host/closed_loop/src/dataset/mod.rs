@@ -7,6 +7,7 @@ mod held_out;
 mod motion;
 mod pairs;
 mod recording;
+mod single_viewpoint;
 pub mod source;
 mod store;
 pub mod survey;
@@ -32,6 +33,7 @@ pub use facts::{Facts, Overlaps, apart_m};
 use motion::Path as MotionPath;
 pub use pairs::{Dataset, ScanPair, viewpoints};
 pub use recording::RecordingError;
+pub use single_viewpoint::single_viewpoint;
 pub use store::{StoreError, stored, stored_config};
 
 /// Why there are no pairs.

@@ -1,14 +1,36 @@
-//! Candidates that another's search has made.
+//! Candidates of another program's search, as JSON.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use echoloop_files::{MOST_TEXT, read_text, shown, text_from};
 use serde::Deserialize;
 use serde_json::Value;
+use thiserror::Error;
 
-use super::exit::Failure;
-use echoloop_closed_loop::parameters::{Values, choices};
+use super::{Values, choices};
+
+/// A file that holds no candidate.
+#[derive(Debug, Error)]
+pub enum CandidateError {
+    /// The file cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Reason.
+        source: io::Error,
+    },
+    /// Not JSON, an unknown member, or a value of the wrong type.
+    #[error("{}: {problem}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// Place and reason.
+        problem: String,
+    },
+}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -16,25 +38,36 @@ struct Candidate {
     parameters: BTreeMap<String, Value>,
 }
 
-/// The parameters of a candidate's file; `-` is standard input.
-pub(super) fn candidate_values(path: &Path) -> Result<Values, Failure> {
+/// Reads a candidate, `{"parameters": {"lidar.power": 50, …}}`; `-` is standard input.
+///
+/// # Errors
+///
+/// [`CandidateError`] names the file.
+pub fn read_candidate(path: &Path) -> Result<Values, CandidateError> {
     let is_stdin = path == Path::new("-");
     let text =
-        if is_stdin { text_from(std::io::stdin(), MOST_TEXT) } else { read_text(path, MOST_TEXT) }
-            .map_err(|error| Failure::usage(format!("cannot read {}: {error}", path.display())))?;
-    let refused = |problem| Failure::usage(format!("{}: {problem}", path.display()));
+        if is_stdin { text_from(io::stdin(), MOST_TEXT) } else { read_text(path, MOST_TEXT) }
+            .map_err(|source| CandidateError::Read { path: path.to_owned(), source })?;
+    let malformed = |problem| CandidateError::Malformed { path: path.to_owned(), problem };
     let candidate: Candidate =
-        serde_json::from_str(&text).map_err(|error| refused(shown(&error.to_string())))?;
-    let value = |(name, given): (String, Value)| number(&name, &given).map(|value| (name, value));
-    candidate.parameters.into_iter().map(value).collect::<Result<_, _>>().map_err(refused)
+        serde_json::from_str(&text).map_err(|error| malformed(shown(&error.to_string())))?;
+    candidate_values(candidate.parameters).map_err(malformed)
 }
 
-/// The number that a candidate gives a named parameter: itself or, of a choice, its name.
-pub(super) fn number(name: &str, given: &Value) -> Result<f64, String> {
-    told_number(name, given).map_err(|problem| shown(&problem))
+/// Parameters of a candidate: numbers, and choices by name or number.
+///
+/// # Errors
+///
+/// Name, value and what was expected instead.
+pub fn candidate_values(given: BTreeMap<String, Value>) -> Result<Values, String> {
+    let value = |(name, given): (String, Value)| match number(&name, &given) {
+        Ok(value) => Ok((name, value)),
+        Err(problem) => Err(shown(&problem)),
+    };
+    given.into_iter().map(value).collect()
 }
 
-fn told_number(name: &str, given: &Value) -> Result<f64, String> {
+fn number(name: &str, given: &Value) -> Result<f64, String> {
     let names = choices(name);
     let index = names.iter().zip(0u32..).find(|(choice, _)| given.as_str() == Some(**choice));
     match index {

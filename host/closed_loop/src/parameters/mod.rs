@@ -4,10 +4,12 @@
 //! converts.
 
 mod axis;
+mod candidate;
 mod custom_axes;
 mod error;
 mod ranges;
 mod repair;
+mod table;
 mod theta_reg;
 mod written;
 
@@ -23,11 +25,13 @@ use crate::config::preset::{LidarPreset, PowerRange, Preset, Protocol};
 use crate::cost::CostKind;
 
 pub use axis::{Axis, Scale};
+pub use candidate::{CandidateError, candidate_values, read_candidate};
 pub use error::ValueError;
 pub use ranges::Ranges;
 pub use repair::{Limits, repair};
+pub use table::{parameter_json, parameter_table};
 pub use theta_reg::{ThetaReg, axes};
-pub use written::{written, written_values};
+pub use written::{values_json, written, written_values};
 
 /// One whole set of parameters, sensor and registration.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,51 +1,83 @@
-//! What a run tuned, as a configuration to begin with.
+//! Tuned parameters of a finished run, as a configuration to begin with.
 
-use std::fmt::Display;
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use echoloop_files::{read_text, shown};
 use serde::Deserialize;
+use thiserror::Error;
 
-use super::exit::Failure;
-use echoloop_closed_loop::config::{RunConfig, load};
-use echoloop_closed_loop::parameters::{Parameters, Values};
-use echoloop_closed_loop::run_folder::run::{CONFIG, RESULT};
+use crate::config::{LoadError, RunConfig, load};
+use crate::parameters::{Parameters, ValueError, Values};
+use crate::run_folder::run::{CONFIG, RESULT};
 
-/// Bytes that are read at most of a run's result, of which one part is kept.
+/// A run whose tuned parameters cannot be used.
+#[derive(Debug, Error)]
+pub enum TunedRunError {
+    /// Its configuration cannot be read.
+    #[error(transparent)]
+    Config(#[from] LoadError),
+    /// Its configuration starts with parameters that its hardware refuses.
+    #[error(transparent)]
+    Start(#[from] ValueError),
+    /// Its result cannot be read.
+    #[error(
+        "cannot read {}: {source} (a run that was interrupted goes on with `echoloop tune \
+         --resume`)",
+        path.display()
+    )]
+    Read {
+        /// The result.
+        path: PathBuf,
+        /// Reason.
+        source: io::Error,
+    },
+    /// Its result is malformed, or holds parameters that the configuration refuses.
+    #[error("{}: {problem}", path.display())]
+    Result {
+        /// The result.
+        path: PathBuf,
+        /// Reason.
+        problem: String,
+    },
+}
+
+/// Largest result that is read, bytes.
 const MOST_RESULT: u64 = 16 << 20;
 
-/// The part of a run's result that is used again.
+/// The one member of a result that is used here.
 #[derive(Deserialize)]
 struct Earlier {
     tuned: Values,
 }
 
 /// The configuration of a run, starting with the parameters that it tuned.
-pub(super) fn tuned_config(run: &Path) -> Result<RunConfig, Failure> {
-    let config = load(Some(&run.join(CONFIG)), &[]).map_err(Failure::usage)?;
+///
+/// # Errors
+///
+/// [`TunedRunError`] names the file.
+pub fn tuned_config(run: &Path) -> Result<RunConfig, TunedRunError> {
+    let config = load(Some(&run.join(CONFIG)), &[])?;
     let values = tuned_values(run)?;
     let hardware = config.hardware();
-    let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
-    let refused = |error| of_result(&run.join(RESULT), &error);
-    let tuned = start.with_values(&values, &config, &hardware).map_err(refused)?;
+    let start = Parameters::start(&config, &hardware)?;
+    let tuned = start.with_values(&values, &config, &hardware).map_err(|e| malformed(run, &e))?;
     Ok(tuned.as_start_of(&config))
 }
 
 /// The parameters that a run tuned, by name.
-pub(super) fn tuned_values(run: &Path) -> Result<Values, Failure> {
+///
+/// # Errors
+///
+/// [`TunedRunError`] names the file.
+pub fn tuned_values(run: &Path) -> Result<Values, TunedRunError> {
     let path = run.join(RESULT);
-    let text = read_text(&path, MOST_RESULT).map_err(|error| {
-        Failure::usage(format!(
-            "cannot read {}: {error} (a run that was interrupted goes on with `echoloop tune \
-             --resume`)",
-            path.display()
-        ))
-    })?;
-    let earlier: Earlier = serde_json::from_str(&text).map_err(|error| of_result(&path, &error))?;
+    let text = read_text(&path, MOST_RESULT)
+        .map_err(|source| TunedRunError::Read { path: path.clone(), source })?;
+    let earlier: Earlier = serde_json::from_str(&text).map_err(|e| malformed(run, &e))?;
     Ok(earlier.tuned)
 }
 
-/// What is wrong with a run's result.
-fn of_result(path: &Path, problem: &impl Display) -> Failure {
-    Failure::usage(format!("{}: {}", path.display(), shown(&problem.to_string())))
+fn malformed(run: &Path, problem: &impl ToString) -> TunedRunError {
+    TunedRunError::Result { path: run.join(RESULT), problem: shown(&problem.to_string()) }
 }
