@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::choice::SensorChoice;
 use super::exit::Failure;
@@ -93,6 +93,13 @@ fn start_of(run: &Path, overrides: &[Override]) -> Result<RunConfig, Failure> {
         say(format_args!("{}: of {was}, so {method} starts at its own settings", run.display()));
     }
     Ok(config)
+}
+
+/// Formats of a table, for programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum TableFormat {
+    /// Comma-separated values with a header.
+    Csv,
 }
 
 /// Flags of every command that uses a sensor.

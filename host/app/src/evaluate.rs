@@ -6,12 +6,11 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::axis_flags::AxisFlags;
-use super::common::{Setup, on_threads};
+use super::common::{Setup, TableFormat, on_threads};
 use super::exit::{self, Failure};
 use super::method_choice::MethodChoice;
 use super::prepared::{meet, percent, require_recall, traced};
 use super::progress::Progress;
-use super::table_format::{TableFormat, csv};
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::cost::CostKind;
 use echoloop_closed_loop::dataset::Facts;
@@ -20,6 +19,7 @@ use echoloop_closed_loop::external_search::ExternalSearch;
 use echoloop_closed_loop::parameters::{Values, read_candidate, values_json};
 use echoloop_closed_loop::prepared::{Met, PairSet, Prepared};
 use echoloop_closed_loop::search::Observer;
+use echoloop_report::pair_errors_csv;
 
 /// Flags of `evaluate`.
 #[derive(Clone, Debug, Args)]
@@ -117,7 +117,8 @@ fn print(
     summary: &Summary,
 ) -> Result<(), Failure> {
     if let Some(TableFormat::Csv) = args.format {
-        return exit::print(&csv([(args.pairs().name(), summary)])?);
+        let table = pair_errors_csv([(args.pairs().name(), summary)]);
+        return exit::print(&table.map_err(Failure::run)?);
     }
     if args.setup.common.json {
         let document = serde_json::json!({

@@ -15,7 +15,6 @@ mod difficulty;
 mod echoes;
 mod evaluate;
 mod exit;
-mod figures;
 mod interrupt;
 mod method_choice;
 mod method_flags;
@@ -36,7 +35,6 @@ mod scene;
 mod sensor;
 mod serve;
 mod store;
-mod table_format;
 mod tune;
 
 use std::ffi::OsString;

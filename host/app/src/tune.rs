@@ -7,16 +7,14 @@ use clap::Args;
 use echoloop_keys::{Kind, Must};
 
 use super::axis_flags::AxisFlags;
-use super::common::{Setup, on_threads};
+use super::common::{Setup, TableFormat, on_threads};
 use super::exit::{self, Failure, print};
-use super::figures::print_table;
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::{MethodChoice, toml_name};
 use super::number::{flag, number_of, read};
 use super::prepared::{meet, percent, require_recall, traced};
 use super::progress::Progress;
 use super::report::write_page;
-use super::table_format::{TableFormat, csv};
 use echoloop_closed_loop::config::preset::{LidarPreset, Objective, Preset, Protocol, Strategy};
 use echoloop_closed_loop::config::{Override, RunConfig, default_runs_folder, key, load};
 use echoloop_closed_loop::cost::CostKind;
@@ -32,7 +30,8 @@ use echoloop_closed_loop::run_folder::tuned_run::tuned_values;
 use echoloop_closed_loop::search::TuneError;
 use echoloop_closed_loop::tuning::{result, run_name, search_and_judge, search_front, write_run};
 use echoloop_files::say;
-use echoloop_report::finished_runs::judged;
+use echoloop_report::finished_runs::{judged, result_text};
+use echoloop_report::pair_errors_csv;
 
 /// Flags of `tune`.
 #[derive(Clone, Debug, Args)]
@@ -268,16 +267,16 @@ fn finish(
     if let Some(TableFormat::Csv) = args.format {
         let sets: Vec<_> = judged(result).collect();
         let sets = sets.iter().map(|(_, name, summary)| (name.as_str(), *summary));
-        print(&csv(sets)?)?;
+        print(&pair_errors_csv(sets).map_err(Failure::run)?)?;
     } else if args.setup.common.json {
-        print(&exit::json(result)?)?;
+        exit::print_json(result)?;
     } else {
-        print_table(&prepared.config, result, &prepared.search(&AtomicBool::new(false)).space);
-        println!(
-            "\nreport  {}\nresult  {}",
+        print(&result_text(&prepared.config, result, &prepared.space))?;
+        print(&format!(
+            "\nreport  {}\nresult  {}\n",
             folder.file(REPORT).display(),
             folder.file(RESULT).display()
-        );
+        ))?;
     }
     require_recall(args.require_recall, &result.tuned_summary)
 }

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use super::super::exit::Failure;
-use super::super::table_format::aligned;
 use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
+use echoloop_report::aligned;
 use echoloop_study::{
     Cell, FIGURES, Paired, RealRow, Row, Table, absent, name_of, real_lines, remarks, search,
     subtitle, tuned, tuned_by,
