@@ -27,14 +27,14 @@ pub(crate) struct SensorChoice {
     /// same way; `scan` asks for 1. `echoloop serve` is the other end, to rehearse with.
     #[arg(long, value_name = "SENSOR", default_value = "in-process")]
     sensor: SensorSpec,
-    /// Where light becomes codes.
+    /// Front end that turns light into codes.
     #[arg(long, value_name = "WHERE", value_parser = front_end(), default_value = "sensor")]
     front_end: FrontEndAt,
-    /// The firmware's image: what --sensor qemu runs; with --sensor serial, what the board does.
+    /// The firmware's image, which --sensor qemu runs, or the board of --sensor serial.
     #[arg(long, value_name = "ELF", value_hint = ValueHint::FilePath)]
     firmware: Option<PathBuf>,
-    /// Where the firmware's log goes; - is standard error. With --sensor serial it takes
-    /// --log-from and --firmware.
+    /// File for the firmware's log; - is standard error. With --sensor serial it takes --log-from
+    /// and --firmware.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     sensor_log: Option<PathBuf>,
     /// With --sensor serial: where the log comes from, serial:PORT[@BAUD] or tcp:HOST:PORT.

@@ -20,7 +20,7 @@ pub(crate) struct CompareArgs {
     /// Print one JSON document to standard output instead of text.
     #[arg(long, conflicts_with = "format")]
     json: bool,
-    /// How the table is printed: a line a run.
+    /// Format of the table: a line a run.
     #[arg(long, value_name = "FORMAT")]
     format: Option<TableFormat>,
     /// Write a page as well; `-`: to standard output, instead of the table.

@@ -19,7 +19,7 @@ use echoloop_closed_loop::evaluation::difficulty::{
     DifficultyStep, difficulty_at, falling, is_far_below,
 };
 use echoloop_closed_loop::evaluation::summary::{evaluate, succeeds};
-use echoloop_closed_loop::prepared::{Met, PairSet};
+use echoloop_closed_loop::prepared::{PairSet, Preparation};
 use echoloop_closed_loop::scan_folder::go_on;
 use echoloop_closed_loop::search::Observer;
 
@@ -116,7 +116,7 @@ fn judged(
     (data.difficulty, data.train_baseline_factor) = (difficulty, 1.0);
     let progress = Progress::new(args.setup.common.quiet);
     let met = meet(config, &args.setup.sensor, &progress)?;
-    let prepared = match traced(met, Met::traced, &progress) {
+    let prepared = match traced(met, Preparation::traced, &progress) {
         Err(error @ DatasetError::Viewpoints { .. }) => return Ok(Err(error)),
         prepared => prepared?,
     };

@@ -17,7 +17,7 @@ use echoloop_closed_loop::dataset::Facts;
 use echoloop_closed_loop::evaluation::summary::{Summary, evaluate_and_cost};
 use echoloop_closed_loop::external_search::ExternalSearch;
 use echoloop_closed_loop::parameters::{Values, read_candidate, values_json};
-use echoloop_closed_loop::prepared::{Met, PairSet, Prepared};
+use echoloop_closed_loop::prepared::{PairSet, Preparation, Prepared};
 use echoloop_closed_loop::search::Observer;
 use echoloop_report::pair_errors_csv;
 
@@ -42,8 +42,8 @@ pub(crate) struct EvaluateArgs {
     /// A row for each pair instead of text.
     #[arg(long, value_enum, conflicts_with = "json")]
     format: Option<TableFormat>,
-    /// Which pairs [default: test; with --candidate or --stream train, because whoever searches
-    /// with the test pairs is judged by what was searched with].
+    /// Set of pairs [default: test; with --candidate or --stream train: a search that sees the test
+    /// pairs cannot be judged on them].
     #[arg(long)]
     pairs: Option<PairSet>,
     /// Exit with 4 when the recall is below this, percent.
@@ -81,7 +81,7 @@ fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), 
     let met = meet(config, &args.setup.sensor, &progress)?;
     let laid = met.start.with_values(values, &met.config, &met.hardware);
     let parameters = laid.map_err(|problem| args.refused(problem))?;
-    let prepared = traced(met, Met::traced, &progress)?;
+    let prepared = traced(met, Preparation::traced, &progress)?;
     if args.stream {
         return stream(&prepared, args.pairs(), &progress);
     }

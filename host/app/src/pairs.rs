@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use clap::{Args, ValueHint};
 use serde_json::json;
 
-use super::cloud_output::format_parser;
+use super::cloud_output::{format_parser, other_endings};
 use super::common::{Setup, on_threads};
 use super::exit::{self, Failure};
 use super::interrupt::stop_on_interrupt;
@@ -27,13 +27,15 @@ pub(crate) struct PairsArgs {
     setup: Setup,
     #[command(flatten)]
     method: MethodChoice,
-    /// Folder to make: NNN_target.ply, NNN_source.ply (or .pcd; sensor frame, m, with all that the
-    /// sensor tells of each point), the 4 × 4 matrices
-    /// NNN_target_from_source.txt, NNN_world_from_target.txt and NNN_world_from_source.txt for pair
-    /// NNN = 000, 001, …; pairs.json, which lists them with the scans' numbers; config.toml.
-    #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
+    #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath, help = format!(
+        "Folder to make: NNN_target.ply, NNN_source.ply (or {}; sensor frame, m, with all that the \
+         sensor tells of each point), the 4 × 4 matrices NNN_target_from_source.txt, \
+         NNN_world_from_target.txt and NNN_world_from_source.txt for pair NNN = 000, 001, …; \
+         pairs.json, which lists them with the scans' numbers; config.toml",
+        other_endings()
+    ))]
     output: PathBuf,
-    /// Which pairs.
+    /// Set of pairs.
     #[arg(long, default_value = "test")]
     pairs: PairSet,
     /// Format of the clouds.

@@ -9,7 +9,7 @@ use super::progress::Progress;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::dataset::{Dataset, DatasetError, Facts};
 use echoloop_closed_loop::evaluation::summary::Summary;
-use echoloop_closed_loop::prepared::{Met, Prepared};
+use echoloop_closed_loop::prepared::{Preparation, Prepared};
 use echoloop_sensors::sensor::Model;
 
 /// Opens the sensor that the flags name and checks the configuration's start against it.
@@ -17,9 +17,9 @@ pub(super) fn meet(
     config: RunConfig,
     choice: &SensorChoice,
     progress: &Progress,
-) -> Result<Met, Failure> {
+) -> Result<Preparation, Failure> {
     let sensors = choice.sensors(Model::from(&config))?;
-    Ok(Met::new(config, sensors, &|sensor| progress.say(&format!("sensor {sensor}")))?)
+    Ok(Preparation::new(config, sensors, &|sensor| progress.say(&format!("sensor {sensor}")))?)
 }
 
 /// [`meet`], then traces the pairs.
@@ -28,15 +28,15 @@ pub(super) fn prepare(
     choice: &SensorChoice,
     progress: &Progress,
 ) -> Result<Prepared, Failure> {
-    Ok(traced(meet(config, choice, progress)?, Met::traced, progress)?)
+    Ok(traced(meet(config, choice, progress)?, Preparation::traced, progress)?)
 }
 
-/// [`Met::traced`], or [`Met::traced_for_a_search`].
-type Trace = fn(Met, &dyn Fn(f64, &str)) -> Result<Prepared, DatasetError>;
+/// [`Preparation::traced`], or [`Preparation::traced_for_a_search`].
+type Trace = fn(Preparation, &dyn Fn(f64, &str)) -> Result<Prepared, DatasetError>;
 
 /// Traces pairs and prints facts about them.
 pub(super) fn traced(
-    met: Met,
+    met: Preparation,
     trace: Trace,
     progress: &Progress,
 ) -> Result<Prepared, DatasetError> {

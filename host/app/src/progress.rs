@@ -1,4 +1,4 @@
-//! Progress on standard error: a bar on a terminal, a line a generation elsewhere, nothing when
+//! Progress on standard error: a bar on a terminal, a line a generation elsewhere, none when
 //! quiet.
 
 use std::io::IsTerminal;
@@ -15,7 +15,7 @@ use echoloop_files::say;
 /// Progress of a command.
 pub(super) struct Progress {
     bar: ProgressBar,
-    /// Lines instead of a bar.
+    /// True when lines are printed instead of a bar.
     lines: bool,
 }
 
@@ -30,7 +30,7 @@ impl Progress {
         Self { bar: ProgressBar::with_draw_target(None, target), lines: !terminal && !quiet }
     }
 
-    /// Begins a part of the work of so many steps.
+    /// Begins a part of the work.
     pub(super) fn begin(&self, name: &str, steps: u64) {
         self.bar.reset();
         self.bar.set_length(steps);
@@ -91,7 +91,7 @@ impl Observer for Progress {
 fn told(generation: &Generation, of: u32) -> String {
     let fitness = || generation.candidates.iter().map(|c| c.fitness);
     let best = fitness().fold(f64::INFINITY, f64::min);
-    // Of a front there is neither a mean nor a step size.
+    // A front has neither a mean nor a step size.
     let sigma = match generation.mean.is_empty() {
         true => String::new(),
         false => format!("  sigma {:.3}", generation.sigma),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::cloud_output::{CloudOutput, format_parser, tell, wrote};
+use super::cloud_output::{CloudOutput, format_parser, outputs, tell, wrote};
 use super::common::{Common, on_threads};
 use super::exit::Failure;
 use super::method_choice::method_parser;
@@ -47,9 +47,11 @@ pub(crate) struct RegisterArgs {
     /// as a 4 × 4 matrix, or as a KITTI row of 12 numbers [default: identity].
     #[arg(long, value_name = "FILE")]
     initial: Option<PathBuf>,
-    /// Where to write the source in the target's frame, with all that its file says of each point:
-    /// FILE.ply, FILE.pcd, or - for standard output. Nothing is written unless it is registered.
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", help = format!(
+        "Where to write the source in the target's frame, with all that its file says of each \
+         point: {}. Nothing is written unless it is registered",
+        outputs()
+    ))]
     output: Option<PathBuf>,
     /// Format of the output [default: that of the file's name, else ply].
     #[arg(long, value_parser = format_parser(), requires = "output")]

@@ -8,7 +8,7 @@ use clap::{Args, ValueHint};
 use echoloop_frontend::SceneResponse;
 use nalgebra::{Translation3, UnitQuaternion};
 
-use super::cloud_output::{CloudOutput, format_parser, tell, wrote};
+use super::cloud_output::{CloudOutput, format_parser, other_endings, outputs, tell, wrote};
 use super::common::{Setup, on_threads};
 use super::exit::{self, Failure};
 use super::progress::Progress;
@@ -30,17 +30,23 @@ use echoloop_sensors::sensor::{Model, View};
 pub(crate) struct ScanArgs {
     #[command(flatten)]
     setup: Setup,
-    /// Where to write the cloud (sensor frame, m), with all that the sensor tells of each point:
-    /// FILE.ply, FILE.pcd, or - for standard output. With --trajectory a folder to make.
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", help = format!(
+        "Where to write the cloud (sensor frame, m), with all that the sensor tells of each point: \
+         {}. With --trajectory a folder to make",
+        outputs()
+    ))]
     output: Option<PathBuf>,
     /// Format of the cloud [default: that of the file's name, else ply].
     #[arg(long, value_parser = format_parser(), requires = "output")]
     format: Option<CloudFormat>,
-    /// Scans along poses: a file of lines `time x y z qx qy qz qw` (TUM; s, m) or of KITTI's
-    /// twelve numbers, world from sensor. The folder of -o gets NNNNNN.ply (or .pcd) for each pose
-    /// 000000, 000001, …; poses.txt, as KITTI has them; times.txt, if there are times; config.toml.
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "pose")]
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "pose",
+          help = format!(
+        "Scans along poses: a file of lines `time x y z qx qy qz qw` (TUM; s, m) or of KITTI's \
+         twelve numbers, world from sensor. The folder of -o gets NNNNNN.ply (or {}) for each pose \
+         000000, 000001, …; poses.txt, as KITTI has them; times.txt, if there are times; \
+         config.toml",
+        other_endings()
+    ))]
     trajectory: Option<PathBuf>,
     /// Pose of the sensor: x y z in m, yaw pitch roll in degrees
     /// [default: the first training viewpoint].

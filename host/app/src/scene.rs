@@ -19,7 +19,7 @@ use echoloop_report::{STILL_PX, SceneReport};
 /// Flags of `scene`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct SceneArgs {
-    /// What to show: as --scene.
+    /// Scene to show, as of --scene.
     #[arg(value_name = "KIND|FILE", conflicts_with = "scene")]
     what: Option<String>,
     #[command(flatten)]
@@ -50,7 +50,7 @@ pub(super) fn run(args: &SceneArgs) -> Result<(), Failure> {
     on_threads(args.common.threads, || show(args, &config, &outputs))?
 }
 
-/// The files that are to be written, seen to be free.
+/// Files to write, checked to be writable.
 struct Outputs {
     page: Option<Output>,
     picture: Option<Output>,

@@ -19,7 +19,7 @@ use echoloop_closed_loop::config::preset::{LidarPreset, Objective, Preset, Proto
 use echoloop_closed_loop::config::{Override, RunConfig, default_runs_folder, key, load};
 use echoloop_closed_loop::cost::CostKind;
 use echoloop_closed_loop::parameters::read_candidate;
-use echoloop_closed_loop::prepared::{Met, Prepared};
+use echoloop_closed_loop::prepared::{Preparation, Prepared};
 use echoloop_closed_loop::run_folder::files::FileError;
 use echoloop_closed_loop::run_folder::journal::Journal;
 use echoloop_closed_loop::run_folder::provenance::About;
@@ -40,22 +40,22 @@ pub(crate) struct TuneArgs {
     setup: Setup,
     #[command(flatten)]
     method: MethodChoice,
-    /// How to search.
+    /// Search strategy.
     #[arg(long)]
     strategy: Option<Strategy>,
-    /// What is made small.
+    /// Objective of the search.
     #[arg(long)]
     objective: Option<Objective>,
-    /// Make this cost of a scan small instead, at an error as by --at-most-error.
+    /// Minimise this cost of a scan instead, within the error of --at-most-error.
     #[arg(long, value_name = "COST")]
     minimise: Option<CostKind>,
-    /// With --minimise: so many times the start's error, 1 to 100 [default: 1.2x].
+    /// With --minimise: greatest error, as a multiple of the start's, 1 to 100 [default: 1.2x].
     #[arg(long, value_name = "TIMES", value_parser = times)]
     at_most_error: Option<f64>,
-    /// What is tuned.
+    /// Parameters that are tuned.
     #[arg(long)]
     protocol: Option<Protocol>,
-    /// Which of the sensor's parameters are tuned.
+    /// Parameters of the sensor that are tuned.
     #[arg(long)]
     lidar: Option<LidarPreset>,
     #[command(flatten)]
@@ -69,9 +69,9 @@ pub(crate) struct TuneArgs {
     /// Candidates a generation; 0: as many as there are parameters.
     #[arg(long, value_name = "N", value_parser = number_of::<u32>("tune.population"))]
     population: Option<u32>,
-    /// Where the search may begin, too: at what a run tuned, or at the parameters of a JSON file as
-    /// `evaluate --candidate` has them; - is standard input. It begins at the best on the training
-    /// pairs. May be given again.
+    /// Further start of the search: the parameters that a run tuned, or those of a JSON file as
+    /// `evaluate --candidate` has them; - is standard input. The search begins at the best on the
+    /// training pairs. May be repeated.
     #[arg(long, value_name = "RUN|FILE")]
     warm_start: Vec<PathBuf>,
     /// Then search for a front of error against a cost of a scan [default cost: energy].
@@ -203,7 +203,7 @@ fn tune(
     }
     // A run that cannot begin leaves no folder, and `latest` where it was.
     let met = meet(config, &args.setup.sensor, &progress)?.for_a_search()?;
-    let prepared = traced(met, Met::traced_for_a_search, &progress)?;
+    let prepared = traced(met, Preparation::traced_for_a_search, &progress)?;
     let folder = resumed.map_or_else(|| new_folder(&runs, &prepared.config), Ok)?;
     let search = prepared.search(stop);
     let (mut journal, done) = match &begun {

@@ -8,6 +8,9 @@
 //!    writing each generation to a [`run_folder::journal::Journal`].
 //! 5. [`search::TuneSearch::judge`] says what parameters are worth on pairs that no search saw.
 //!
+//! [`prepared`] does steps 2 to 4 for a configuration and a sensor, [`tuning`] step 5 and the files
+//! of a run.
+//!
 //! A new parameter of the sensor is a row of the firmware's table (`firmware/dsp/src/settings.rs`),
 //! one of a method a row of `host/registration/src/config/table.rs`; both then are axes of the
 //! cube. A new key of a configuration is a row of its section in

@@ -1,6 +1,6 @@
 //! Preparation of a run: a sensor that takes the configured start, the axes, the traced pairs.
 //!
-//! [`Met::new`] asks the sensor, [`Met::traced`] traces the pairs, [`Prepared::search`] is the
+//! [`Preparation::new`] asks the sensor, [`Preparation::traced`] traces the pairs, [`Prepared::search`] is the
 //! search of both.
 
 use std::sync::atomic::AtomicBool;
@@ -112,7 +112,7 @@ impl ConfiguredSensor {
 }
 
 /// A sensor that was asked, and a start and axes that its hardware takes. Nothing is traced yet.
-pub struct Met {
+pub struct Preparation {
     /// The configuration.
     pub config: RunConfig,
     /// Start of the configuration.
@@ -126,7 +126,7 @@ pub struct Met {
     sensor: String,
 }
 
-impl Met {
+impl Preparation {
     /// Asks the sensor and checks start and axes against its hardware. `heard` gets the sensor's
     /// name.
     ///

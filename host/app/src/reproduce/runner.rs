@@ -18,7 +18,7 @@ use echoloop_closed_loop::dataset::Dataset;
 use echoloop_closed_loop::dataset::fingerprint::{Content, build};
 use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::parameters::Parameters;
-use echoloop_closed_loop::prepared::{Met, Prepared};
+use echoloop_closed_loop::prepared::{Preparation, Prepared};
 use echoloop_closed_loop::run_folder::journal::{Generation, Journal};
 use echoloop_closed_loop::run_folder::provenance::About;
 use echoloop_closed_loop::run_folder::run::{HISTORY, RunFolder};
@@ -120,7 +120,7 @@ impl<'a> Runner<'a> {
         met.map_or(0, |met| met.registrations() + met.config.data.test_pairs)
     }
 
-    fn met(&self, cell: &Cell) -> Result<Met, Failure> {
+    fn met(&self, cell: &Cell) -> Result<Preparation, Failure> {
         let config = cell.config(self.base).map_err(Failure::usage)?;
         let met = meet(config, &SensorChoice::in_process(), &Progress::new(true))?;
         Ok(if cell.is_searched() { met.for_a_search()? } else { met })
