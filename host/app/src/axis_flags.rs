@@ -1,4 +1,4 @@
-//! `--tune` and `--fix`: what a search moves, axis by axis.
+//! `--tune` and `--fix`: axes of a search.
 
 use clap::Args;
 use echoloop_files::shown;
@@ -6,7 +6,7 @@ use echoloop_files::shown;
 use super::exit::Failure;
 use echoloop_closed_loop::config::{AxisChoice, Override};
 
-/// Flags of commands that search, or serve a search.
+/// Flags of commands that search, or that evaluate for a search.
 #[derive(Clone, Debug, Default, Args)]
 pub(super) struct AxisFlags {
     /// Search this parameter: lidar.shots, or within bounds lidar.power=1..100, which ,log or
@@ -26,11 +26,11 @@ struct Fixed {
 }
 
 impl AxisFlags {
-    /// As changes of the configuration.
+    /// Changes of the configuration.
     ///
     /// # Errors
     ///
-    /// [`Failure`] where one parameter is spoken of twice.
+    /// [`Failure`] where one parameter is named twice.
     pub(super) fn overrides(&self) -> Result<Vec<Override>, Failure> {
         let axes = self.tune.iter().chain(self.fix.iter().map(|fixed| &fixed.axis));
         let mut names: Vec<String> = axes.map(Override::path).collect();
@@ -62,7 +62,7 @@ fn fixed(text: &str) -> Result<Fixed, String> {
     Ok(Fixed { axis: axis("--fix", text, name, AxisChoice::Fixed)?, value })
 }
 
-/// Where choices lie in the configuration.
+/// Section of the choices in the configuration.
 const AXES: &str = "tune.axes.";
 
 /// A flag as the user wrote it.
@@ -70,8 +70,7 @@ fn written(flag: &str, text: &str) -> String {
     format!("{flag} {text}")
 }
 
-/// The choice for a parameter, which lies in a section: whether there is one, the configuration
-/// says.
+/// A choice for a parameter; its name is checked with the configuration.
 fn axis(flag: &str, text: &str, name: &str, choice: AxisChoice) -> Result<Override, String> {
     let name = name.trim();
     match name.split_once('.') {

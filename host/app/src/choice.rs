@@ -1,24 +1,19 @@
-//! `--sensor`: which sensor a command speaks to.
+//! `--sensor` and its flags.
 
 use std::path::PathBuf;
 
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueHint};
-use echoloop_dsp::{Hardware, MAX_CODES};
-use echoloop_link::Room;
 
 use super::exit::Failure;
 use super::interrupt::end_on_interrupt;
 use super::method_choice::one_of;
-use super::progress::Progress;
-use echoloop_sensors::client::Identity;
 use echoloop_sensors::defmt_log::begin_file;
-use echoloop_sensors::pattern::described as beams_of;
 use echoloop_sensors::sensor::{
     BoardLog, Detector, FrontEndAt, LogSource, Model, QemuOptions, SensorSpec, Sensors,
 };
 
-/// Flags of every command that speaks to a sensor.
+/// Flags that choose the sensor.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct SensorChoice {
     /// Sensor to use: in-process, qemu[:BOARD], or serial:PORT[@BAUD], as
@@ -32,14 +27,14 @@ pub(crate) struct SensorChoice {
     /// same way; `scan` asks for 1. `echoloop serve` is the other end, to rehearse with.
     #[arg(long, value_name = "SENSOR", default_value = "in-process")]
     sensor: SensorSpec,
-    /// Where light becomes codes.
+    /// Front end that turns light into codes.
     #[arg(long, value_name = "WHERE", value_parser = front_end(), default_value = "sensor")]
     front_end: FrontEndAt,
-    /// The firmware's image: what --sensor qemu runs; with --sensor serial, what the board does.
+    /// The firmware's image, which --sensor qemu runs, or the board of --sensor serial.
     #[arg(long, value_name = "ELF", value_hint = ValueHint::FilePath)]
     firmware: Option<PathBuf>,
-    /// Where the firmware's log goes; - is standard error. With --sensor serial it takes
-    /// --log-from and --firmware.
+    /// File for the firmware's log; - is standard error. With --sensor serial it takes --log-from
+    /// and --firmware.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     sensor_log: Option<PathBuf>,
     /// With --sensor serial: where the log comes from, serial:PORT[@BAUD] or tcp:HOST:PORT.
@@ -58,12 +53,12 @@ impl SensorChoice {
         Self { sensor, front_end: FrontEndAt::Sensor, firmware, sensor_log, log_from }
     }
 
-    /// Whether it is the firmware in this program.
+    /// True when the sensor is the firmware in this program.
     pub(super) fn is_in_process(&self) -> bool {
         matches!(self.sensor, SensorSpec::InProcess)
     }
 
-    /// The sensors asked for; none is opened yet.
+    /// The sensors that the flags choose; none is opened yet.
     pub(super) fn sensors(&self, model: Model) -> Result<Sensors, Failure> {
         self.check_log().map_err(Failure::usage)?;
         if model.detector == Detector::Ideal && !self.is_in_process() {
@@ -91,7 +86,7 @@ impl SensorChoice {
         })
     }
 
-    /// Whether the flags of the log go together.
+    /// Refuses flags of the log that do not go together.
     fn check_log(&self) -> Result<(), String> {
         let flags = [
             ("--firmware", self.firmware.is_some()),
@@ -126,7 +121,7 @@ impl SensorChoice {
         }
     }
 
-    /// The flags again, to go on with; nothing for the usual sensor.
+    /// The flags as text, for a command that goes on; empty for the default sensor.
     pub(super) fn again(&self) -> String {
         let file = |flag: &str, path: &Option<PathBuf>| {
             path.as_ref().map(|path| format!(" {flag} {}", path.display()))
@@ -145,7 +140,7 @@ impl SensorChoice {
         }
     }
 
-    /// Whether what the sensor sees is not ours to choose.
+    /// True when somebody else points the sensor: a board on a serial line with its own front end.
     pub(super) fn is_turned_by_others(&self) -> bool {
         matches!(self.sensor, SensorSpec::Serial(_)) && self.front_end == FrontEndAt::Sensor
     }
@@ -154,65 +149,4 @@ impl SensorChoice {
 /// Reads `--front-end`.
 fn front_end() -> impl TypedValueParser<Value = FrontEndAt> {
     one_of(FrontEndAt::ALL.map(|at| (at.name(), at.summary(), at)))
-}
-
-/// A sensor and its firmware, as in `serial:/dev/ttyACM0@115200, echoloop-sensor 0.1.0`.
-pub(super) fn described(sensors: &Sensors, identity: &Identity) -> String {
-    format!("{}, {}", sensors.name(), identity.build)
-}
-
-/// Opens the first sensor, says which it is, and holds it to the configuration.
-pub(super) fn introduce(
-    sensors: &Sensors,
-    model: &Model,
-    progress: &Progress,
-) -> Result<Identity, Failure> {
-    let identity = sensors.identity()?;
-    progress.say(&format!("sensor {}", described(sensors, &identity)));
-    hold_to(sensors, &identity, model)?;
-    Ok(identity)
-}
-
-/// Its beams must point where the configuration says: there the scenes are traced, and for as many
-/// there is memory. One that gets its waveforms from here must be what they are made for.
-pub(super) fn hold_to(
-    sensors: &Sensors,
-    identity: &Identity,
-    model: &Model,
-) -> Result<(), Failure> {
-    let refused = |what: String| Err(Failure::usage(format!("{}: {what}", sensors.name())));
-    let (theirs, ours) = (identity.pattern, model.pattern);
-    if theirs != ours {
-        let [theirs, ours] = [theirs, ours].map(|pattern| beams_of(&pattern));
-        return refused(format!(
-            "its beams are {theirs}, the configuration's [scanner] has {ours}"
-        ));
-    }
-    let Some(Room { codes, .. }) = sensors.with(|sensor| Ok(sensor.room()))? else {
-        return Ok(());
-    };
-    if let Some((name, theirs, ours)) = different(&identity.hardware, &model.hardware) {
-        return refused(format!(
-            "its {name} is {theirs}, that of the configuration's front end {ours}"
-        ));
-    }
-    if codes < MAX_CODES as u32 {
-        return refused(format!(
-            "it has memory for waveforms of {codes} codes; they have up to {MAX_CODES}"
-        ));
-    }
-    Ok(())
-}
-
-/// What of two sensors is not the same: its name, and both values.
-fn different(theirs: &Hardware, ours: &Hardware) -> Option<(&'static str, u32, u32)> {
-    let table = [
-        ("adc_bits", theirs.adc_bits, ours.adc_bits),
-        ("range_min_mm", theirs.range_min_mm, ours.range_min_mm),
-        ("range_max_mm", theirs.range_max_mm, ours.range_max_mm),
-        ("energy_limit_pj", theirs.energy_limit_pj, ours.energy_limit_pj),
-        ("unit_echo_milli", theirs.unit_echo_milli, ours.unit_echo_milli),
-        ("shot_noise_ppm", theirs.shot_noise_ppm, ours.shot_noise_ppm),
-    ];
-    table.into_iter().find(|(_, theirs, ours)| theirs != ours)
 }

@@ -1,4 +1,4 @@
-//! Where a command writes a cloud, and where it says the rest then.
+//! `--output` of a cloud: a file, or standard output with all text on standard error.
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,19 @@ pub(super) fn format_parser() -> impl TypedValueParser<Value = CloudFormat> {
     one_of(CloudFormat::ALL.map(|format| (format.name(), format.summary(), format)))
 }
 
-/// A place for a cloud, seen to be free.
+/// Outputs for a flag's help: `FILE.ply, FILE.pcd, or - for standard output`.
+pub(super) fn outputs() -> String {
+    let files = CloudFormat::ALL.map(|format| format!("FILE.{}", format.name()));
+    format!("{}, or - for standard output", files.join(", "))
+}
+
+/// Endings besides `.ply`, for a flag's help.
+pub(super) fn other_endings() -> String {
+    let others = CloudFormat::ALL.into_iter().filter(|format| *format != CloudFormat::Ply);
+    others.map(|format| format!(".{}", format.name())).collect::<Vec<_>>().join(" or ")
+}
+
+/// A file or standard output, checked to take a cloud.
 pub(super) struct CloudOutput {
     /// None: standard output.
     file: Option<Output>,
@@ -25,7 +37,7 @@ pub(super) struct CloudOutput {
 }
 
 impl CloudOutput {
-    /// Sees whether a cloud can be written there, before any work.
+    /// Checks that a cloud can be written there, before any work.
     pub(super) fn at(named: &Path, asked: Option<CloudFormat>) -> Result<Self, Failure> {
         let refused = |why: &str| Failure::usage(format!("--output {}: {why}", named.display()));
         let file = if is_stdout(named) { None } else { Some(Output::at(named)?) };
@@ -38,9 +50,11 @@ impl CloudOutput {
             (Some(format), _) | (None, Some(format)) => format,
             (None, None) if is_stream => CloudFormat::Ply,
             (None, None) => {
-                return Err(refused(
-                    "expected a name that ends in .ply or .pcd, or - for standard output",
-                ));
+                let endings = CloudFormat::ALL.map(|format| format!(".{}", format.name()));
+                return Err(refused(&format!(
+                    "expected a name that ends in {}, or - for standard output",
+                    endings.join(" or ")
+                )));
             }
         };
         if file.is_none() && std::io::stdout().is_terminal() {
@@ -49,7 +63,7 @@ impl CloudOutput {
         Ok(Self { file, format })
     }
 
-    /// Writes a cloud: a file whole or not at all.
+    /// Writes a cloud; a file whole or not at all.
     pub(super) fn write(&self, recorded: &Recorded) -> Result<(), Failure> {
         let bytes = self.format.bytes(&recorded.cloud, &recorded.columns);
         match &self.file {
@@ -69,8 +83,8 @@ fn is_stdout(named: &Path) -> bool {
     ["-", "/dev/stdout"].iter().any(|name| named == Path::new(name))
 }
 
-/// Prints what a command tells. Where the cloud goes to standard output, that is said on standard
-/// error, and unless it is a document not at all if nothing is to be remarked.
+/// Prints the text of a command; to standard error where the cloud goes to standard output, and
+/// there with `--quiet` only a document.
 pub(super) fn tell(
     output: Option<&CloudOutput>,
     common: &Common,

@@ -2,17 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::choice::SensorChoice;
 use super::exit::Failure;
 use super::number::{self, THREADS, number_as};
-use super::tuned_run::tuned_config;
 use echoloop_closed_loop::config::{Override, RegistrationConfig, RunConfig, changed, load};
 use echoloop_closed_loop::dataset::stored_config;
+use echoloop_closed_loop::run_folder::tuned_run::tuned_config;
 use echoloop_files::say;
 
-/// What every command takes.
+/// Flags of every command.
 #[derive(Clone, Debug, Args)]
 pub(super) struct Common {
     /// Print one JSON document to standard output instead of text.
@@ -26,7 +26,7 @@ pub(super) struct Common {
     pub(super) threads: usize,
 }
 
-/// Where a configuration comes from. Later ones win: file or run, --set, flags.
+/// Flags that make the configuration. Later ones win: file or run, --set, flags.
 #[derive(Clone, Debug, Args)]
 pub(super) struct ConfigSource {
     /// Configuration file (TOML).
@@ -70,18 +70,17 @@ impl ConfigSource {
             overrides.push(Override::flag("seed", seed));
         }
         overrides.extend(own);
-        match (&self.run, &self.config, stored) {
+        Ok(match (&self.run, &self.config, stored) {
             (Some(run), ..) => changed(&start_of(run, &overrides)?, &overrides),
             (None, None, Some(path)) => {
                 changed(&stored_config(path).map_err(Failure::usage)?, &overrides)
             }
             (None, config, _) => load(config.as_deref(), &overrides),
-        }
-        .map_err(Failure::usage)
+        }?)
     }
 }
 
-/// What a run tuned; of registration, where another method is asked for, that one's defaults.
+/// Configuration that a run tuned; where another method is asked for, with that one's defaults.
 fn start_of(run: &Path, overrides: &[Override]) -> Result<RunConfig, Failure> {
     let mut config = tuned_config(run)?;
     let asked = overrides.iter().rev().find_map(|change| change.text_of("registration.method"));
@@ -96,7 +95,14 @@ fn start_of(run: &Path, overrides: &[Override]) -> Result<RunConfig, Failure> {
     Ok(config)
 }
 
-/// What every command takes that speaks to a sensor.
+/// Formats of a table, for programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum TableFormat {
+    /// Comma-separated values with a header.
+    Csv,
+}
+
+/// Flags of every command that uses a sensor.
 #[derive(Clone, Debug, Args)]
 pub(super) struct Setup {
     #[command(flatten)]

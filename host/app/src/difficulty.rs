@@ -6,21 +6,24 @@ use clap::Args;
 use echoloop_parameters::{Bounds, Kind};
 use serde_json::json;
 
-use super::atomic_folder::go_on;
 use super::common::{Setup, on_threads};
 use super::exit::{self, Failure};
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::MethodChoice;
 use super::number::{flag, number_of, read};
-use super::prepared::{Met, PairSet};
+use super::prepared::{meet, traced};
 use super::progress::Progress;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::dataset::{DatasetError, Facts};
+use echoloop_closed_loop::evaluation::difficulty::{
+    DifficultyStep, difficulty_at, falling, is_far_below,
+};
 use echoloop_closed_loop::evaluation::summary::{evaluate, succeeds};
+use echoloop_closed_loop::prepared::{PairSet, Preparation};
+use echoloop_closed_loop::scan_folder::go_on;
 use echoloop_closed_loop::search::Observer;
-use echoloop_statistics::wilson;
 
-/// Difficulties tried, in steps of so much, up to the most that the key takes.
+/// Step between the difficulties tried, and the greatest that the key takes.
 const STEP: f64 = 0.5;
 const MOST: f64 = 6.0;
 
@@ -49,18 +52,10 @@ fn recall(text: &str) -> Result<f64, String> {
     read(&flag(Kind::Number, Bounds::between(1.0, 99.0)), text)
 }
 
-/// How many of the pairs of a difficulty are registered.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Step {
-    difficulty: f64,
-    successes: usize,
-    pairs: usize,
-}
+/// Recall at a difficulty and facts about its pairs; or the reason why there are no such pairs.
+type Judged = Result<(DifficultyStep, Facts), DatasetError>;
 
-/// A difficulty that was judged, and what its pairs are like; or that its pairs fit nowhere.
-type Judged = Result<(Step, Facts), DatasetError>;
-
-/// What was asked for, and what was found.
+/// Recall that is wanted, and the difficulty that gives it.
 struct Found {
     asked_pct: f64,
     difficulty: f64,
@@ -79,13 +74,13 @@ pub(super) fn run(args: &DifficultyArgs) -> Result<(), Failure> {
 
 fn find(args: &DifficultyArgs, config: &RunConfig, stop: &AtomicBool) -> Result<(), Failure> {
     let least_pct = args.recall.iter().copied().fold(f64::INFINITY, f64::min);
-    let mut steps: Vec<Step> = Vec::new();
+    let mut steps: Vec<DifficultyStep> = Vec::new();
     while steps.len() as f64 * STEP <= MOST && !is_far_below(&steps, least_pct) {
         go_on(stop)?;
         let difficulty = steps.len() as f64 * STEP;
         match judged(args, config, difficulty, PairSet::Train)? {
             Ok((step, _)) => steps.push(step),
-            // A place may be too small for what is asked; what it bears is told.
+            // A place may be too small for more; the steps so far are printed.
             Err(error) if steps.is_empty() => return Err(error.into()),
             Err(_) => break,
         }
@@ -94,7 +89,7 @@ fn find(args: &DifficultyArgs, config: &RunConfig, stop: &AtomicBool) -> Result<
     let mut found = Vec::new();
     for &asked_pct in &args.recall {
         go_on(stop)?;
-        if let Some(difficulty) = where_it_is(&curve, asked_pct / 100.0) {
+        if let Some(difficulty) = difficulty_at(&curve, asked_pct / 100.0) {
             let difficulty = (100.0 * difficulty).round() / 100.0;
             let held_out = judged(args, config, difficulty, PairSet::Test)?;
             found.push(Found { asked_pct, difficulty, held_out });
@@ -112,7 +107,7 @@ fn judged(
     which: PairSet,
 ) -> Result<Judged, Failure> {
     let mut config = config.clone();
-    // One set is judged: of the other a town has no more than it must.
+    // One set is used: of the other a town has the fewest pairs allowed.
     let (data, towns) = (&mut config.data, config.scene.towns.len().max(1));
     (data.train_pairs, data.test_pairs) = match which {
         PairSet::Train => (args.pairs, towns),
@@ -120,8 +115,8 @@ fn judged(
     };
     (data.difficulty, data.train_baseline_factor) = (difficulty, 1.0);
     let progress = Progress::new(args.setup.common.quiet);
-    let met = Met::new(config, &args.setup.sensor, &progress)?;
-    let prepared = match met.traced(&progress) {
+    let met = meet(config, &args.setup.sensor, &progress)?;
+    let prepared = match traced(met, Preparation::traced, &progress) {
         Err(error @ DatasetError::Viewpoints { .. }) => return Ok(Err(error)),
         prepared => prepared?,
     };
@@ -131,85 +126,36 @@ fn judged(
     let errors = evaluate(&prepared.bench(), start, &noisy, &done)?;
     progress.end();
     let successes = errors.iter().filter(|error| succeeds(error, &prepared.config.data)).count();
-    let step = Step { difficulty, successes, pairs: errors.len() };
+    let step = DifficultyStep { difficulty, successes, pairs: errors.len() };
     Ok(Ok((step, Facts::new(&prepared.dataset))))
 }
 
-/// Whether the last two steps are below what is asked for: farther on it only falls.
-fn is_far_below(steps: &[Step], least_pct: f64) -> bool {
-    let below = |step: &&Step| step.recall() * 100.0 < least_pct;
-    steps.iter().rev().take(2).filter(below).count() == 2
+/// `52.5 % (37 to 67)`.
+fn text(step: &DifficultyStep) -> String {
+    let [low, high] = step.interval().map(|share| 100.0 * share);
+    format!("{:.1} % ({low:.0} to {high:.0})", 100.0 * step.recall())
 }
 
-impl Step {
-    fn recall(&self) -> f64 {
-        self.successes as f64 / self.pairs.max(1) as f64
-    }
-
-    /// `52.5 % (37 to 67)`.
-    fn text(&self) -> String {
-        let [low, high] = wilson(self.recall(), self.pairs as f64).map(|share| 100.0 * share);
-        format!("{:.1} % ({low:.0} to {high:.0})", 100.0 * self.recall())
-    }
-}
-
-/// The recalls as they fall: steps that rise are pooled with those before (Ayer et al., Ann. Math.
-/// Stat. 26, 1955).
-fn falling(steps: &[Step]) -> Vec<[f64; 2]> {
-    let mut pools: Vec<(Vec<f64>, usize, usize)> = Vec::new();
-    for step in steps {
-        pools.push((vec![step.difficulty], step.successes, step.pairs));
-        while let [.., (_, a, of_a), (_, b, of_b)] = &pools[..] {
-            if a * of_b >= b * of_a {
-                break;
-            }
-            let Some((more, successes, pairs)) = pools.pop() else { break };
-            let Some(last) = pools.last_mut() else { break };
-            last.0.extend(more);
-            (last.1, last.2) = (last.1 + successes, last.2 + pairs);
-        }
-    }
-    let told = |(difficulties, successes, pairs): &(Vec<f64>, usize, usize)| {
-        let recall = *successes as f64 / (*pairs).max(1) as f64;
-        difficulties.iter().map(|&difficulty| [difficulty, recall]).collect::<Vec<_>>()
-    };
-    pools.iter().flat_map(told).collect()
-}
-
-/// Where a falling curve has a value; none where it begins below or ends above.
-fn where_it_is(curve: &[[f64; 2]], recall: f64) -> Option<f64> {
-    let crossed = |pair: &&[[f64; 2]]| pair[0][1] >= recall && pair[1][1] < recall;
-    let pair = curve.windows(2).find(crossed)?;
-    let [[from, high], [to, low]] = [pair[0], pair[1]];
-    Some(from + (to - from) * (high - recall) / (high - low))
-}
-
-fn print(args: &DifficultyArgs, steps: &[Step], found: &[Found]) -> Result<(), Failure> {
+fn print(args: &DifficultyArgs, steps: &[DifficultyStep], found: &[Found]) -> Result<(), Failure> {
     if args.setup.common.json {
-        let step = |step: &Step| {
-            let Step { difficulty, successes, pairs } = step;
-            json!({ "difficulty": difficulty, "successes": successes, "pairs": pairs })
-        };
         let found = found.iter().map(|found| {
             let Found { asked_pct, difficulty, held_out } = found;
             match held_out {
                 Ok((held_out, facts)) => {
-                    json!({ "asked_pct": asked_pct, "held_out": step(held_out), "set": facts })
+                    json!({ "asked_pct": asked_pct, "held_out": held_out, "set": facts })
                 }
                 Err(error) => json!({
                     "asked_pct": asked_pct, "difficulty": difficulty, "error": error.to_string(),
                 }),
             }
         });
-        let steps: Vec<_> = steps.iter().map(step).collect();
         let document = json!({
             "format": 1, "steps": steps, "found": found.collect::<Vec<_>>(),
         });
-        exit::print(&exit::json(&document)?)?;
-        return Ok(());
+        return exit::print_json(&document);
     }
     for step in steps {
-        println!("difficulty {:<4} {}", step.difficulty, step.text());
+        println!("difficulty {:<4} {}", step.difficulty, text(step));
     }
     for asked_pct in &args.recall {
         match found.iter().find(|found| found.asked_pct == *asked_pct) {
@@ -217,7 +163,7 @@ fn print(args: &DifficultyArgs, steps: &[Step], found: &[Found]) -> Result<(), F
                 "for {asked_pct} %: --set data.difficulty={difficulty}, of {} held-out pairs {}, \
                  overlap {:.2} in the median",
                 held_out.pairs,
-                held_out.text(),
+                text(held_out),
                 facts.test.overlap[2]
             ),
             Some(Found { difficulty, held_out: Err(error), .. }) => {
@@ -235,40 +181,6 @@ fn print(args: &DifficultyArgs, steps: &[Step], found: &[Found]) -> Result<(), F
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn steps(successes: &[usize]) -> Vec<Step> {
-        let step = |(i, &successes): (usize, &usize)| Step {
-            difficulty: i as f64 * STEP,
-            successes,
-            pairs: 10,
-        };
-        successes.iter().enumerate().map(step).collect()
-    }
-
-    #[test]
-    fn a_recall_lies_where_the_falling_curve_has_it() {
-        let curve = falling(&steps(&[10, 10, 8, 4, 0]));
-        let at = |recall| where_it_is(&curve, recall);
-        assert_eq!((at(0.9), at(0.6), at(0.2)), (Some(0.75), Some(1.25), Some(1.75)));
-        assert_eq!(where_it_is(&falling(&steps(&[10, 10])), 0.5), None);
-        assert_eq!(where_it_is(&falling(&steps(&[3, 1])), 0.5), None);
-        assert_eq!(where_it_is(&[], 0.5), None);
-    }
-
-    #[test]
-    fn a_step_that_rises_is_one_with_those_before() {
-        let curve = falling(&steps(&[10, 6, 8, 9, 1]));
-        let recalls: Vec<f64> = curve.iter().map(|point| point[1]).collect();
-        let pooled = 23.0 / 30.0;
-        assert_eq!(recalls, [1.0, pooled, pooled, pooled, 0.1]);
-    }
-
-    #[test]
-    fn two_steps_below_what_is_asked_for_are_enough() {
-        let is_far_below = |successes: &[usize]| is_far_below(&steps(successes), 20.0);
-        assert!(!is_far_below(&[10, 1]) && !is_far_below(&[10, 1, 2, 1]) && !is_far_below(&[]));
-        assert!(is_far_below(&[10, 1, 1]));
-    }
 
     #[test]
     fn recalls_that_all_or_none_reach_are_refused() {

@@ -67,7 +67,7 @@ pub(super) fn run(args: &EchoesArgs) -> Result<(), Failure> {
     })?
 }
 
-/// Part by part, in the order of the rows.
+/// Finds and prints echoes part by part, in the order of the rows.
 fn print_all(
     args: &EchoesArgs,
     finder: &Finder,
@@ -88,7 +88,7 @@ fn print_all(
     }
 }
 
-/// Rows whose echoes are in memory at a time: a row of a byte has a document of sixty.
+/// Rows whose echoes are in memory at a time: a short row has a document many times its size.
 const AT_A_TIME: usize = 4096;
 
 fn options(args: &EchoesArgs) -> Result<Options, Failure> {
@@ -117,8 +117,8 @@ fn options(args: &EchoesArgs) -> Result<Options, Failure> {
     })
 }
 
-/// Reads the emitted pulses: as many as rows, or one. A row that shows no pulse is said and counts
-/// as absent.
+/// Reads the emitted pulses: as many as rows, or one. A row that shows no pulse is warned of and
+/// left out.
 fn outgoing(args: &EchoesArgs, path: &Path, rows: usize) -> Result<Rows, Failure> {
     let outgoing = read_waveforms(path).map_err(Failure::usage)?;
     if outgoing.len() != rows && outgoing.len() != 1 {

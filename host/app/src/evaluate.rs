@@ -6,20 +6,20 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::axis_flags::AxisFlags;
-use super::candidate::candidate_values;
-use super::common::{Setup, on_threads};
+use super::common::{Setup, TableFormat, on_threads};
 use super::exit::{self, Failure};
 use super::method_choice::MethodChoice;
-use super::prepared::{Met, PairSet, Prepared, percent, require_recall};
+use super::prepared::{meet, percent, require_recall, traced};
 use super::progress::Progress;
-use super::stream;
-use super::table_format::{TableFormat, csv};
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::cost::CostKind;
 use echoloop_closed_loop::dataset::Facts;
 use echoloop_closed_loop::evaluation::summary::{Summary, evaluate_and_cost};
-use echoloop_closed_loop::parameters::{Values, written_values};
+use echoloop_closed_loop::external_search::ExternalSearch;
+use echoloop_closed_loop::parameters::{Values, read_candidate, values_json};
+use echoloop_closed_loop::prepared::{PairSet, Preparation, Prepared};
 use echoloop_closed_loop::search::Observer;
+use echoloop_report::pair_errors_csv;
 
 /// Flags of `evaluate`.
 #[derive(Clone, Debug, Args)]
@@ -42,8 +42,8 @@ pub(crate) struct EvaluateArgs {
     /// A row for each pair instead of text.
     #[arg(long, value_enum, conflicts_with = "json")]
     format: Option<TableFormat>,
-    /// Which pairs [default: test; with --candidate or --stream train, because whoever searches
-    /// with the test pairs is judged by what was searched with].
+    /// Set of pairs [default: test; with --candidate or --stream train: a search that sees the test
+    /// pairs cannot be judged on them].
     #[arg(long)]
     pairs: Option<PairSet>,
     /// Exit with 4 when the recall is below this, percent.
@@ -54,20 +54,20 @@ pub(crate) struct EvaluateArgs {
 pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let own = args.method.overrides().into_iter().chain(args.axes.overrides()?);
     let config = args.setup.source.load(own.collect())?;
-    let values = args.candidate.as_deref().map(candidate_values).transpose()?.unwrap_or_default();
+    let values = args.candidate.as_deref().map(read_candidate).transpose()?.unwrap_or_default();
     on_threads(args.setup.common.threads, || judge(args, config, &values))?
 }
 
 impl EvaluateArgs {
-    /// The pairs asked for. A candidate comes from a search that goes on with what it is told: it
-    /// gets the training pairs, so that the test pairs stay unseen.
+    /// The pairs asked for. A candidate gets the training pairs, for its search goes on with the
+    /// answer, and the test pairs are to stay unseen.
     fn pairs(&self) -> PairSet {
         let usual =
             if self.candidate.is_some() || self.stream { PairSet::Train } else { PairSet::Test };
         self.pairs.unwrap_or(usual)
     }
 
-    /// What is wrong with the parameters, and in which file.
+    /// A refusal of the parameters, with the file they come from.
     fn refused(&self, problem: impl Display) -> Failure {
         match &self.candidate {
             Some(path) => Failure::usage(format_args!("{}: {problem}", path.display())),
@@ -78,12 +78,12 @@ impl EvaluateArgs {
 
 fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), Failure> {
     let progress = Progress::new(args.setup.common.quiet);
-    let met = Met::new(config, &args.setup.sensor, &progress)?;
+    let met = meet(config, &args.setup.sensor, &progress)?;
     let laid = met.start.with_values(values, &met.config, &met.hardware);
     let parameters = laid.map_err(|problem| args.refused(problem))?;
-    let prepared = met.traced(&progress)?;
+    let prepared = traced(met, Preparation::traced, &progress)?;
     if args.stream {
-        return stream::serve(&prepared, args.pairs(), &progress);
+        return stream(&prepared, args.pairs(), &progress);
     }
     let noisy = prepared.pairs(args.pairs());
     progress.begin("judging", noisy.pairs.len() as u64);
@@ -97,6 +97,19 @@ fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), 
     require_recall(args.require_recall, &summary)
 }
 
+/// Answers the candidates of an outside search, line by line, until standard input ends.
+fn stream(prepared: &Prepared, which: PairSet, progress: &Progress) -> Result<(), Failure> {
+    progress.begin("judging the start", prepared.pairs(which).pairs.len() as u64);
+    let mut search = ExternalSearch::new(prepared, which, &|| progress.evaluated())?;
+    progress.end();
+    exit::print(&format!("{}\n", search.greeting()))?;
+    let mut input = std::io::stdin().lock();
+    while let Some(answer) = search.next(&mut input)? {
+        exit::print(&format!("{answer}\n"))?;
+    }
+    Ok(())
+}
+
 fn print(
     args: &EvaluateArgs,
     prepared: &Prepared,
@@ -104,18 +117,16 @@ fn print(
     summary: &Summary,
 ) -> Result<(), Failure> {
     if let Some(TableFormat::Csv) = args.format {
-        return exit::print(&csv([(args.pairs().name(), summary)])?);
+        let table = pair_errors_csv([(args.pairs().name(), summary)]);
+        return exit::print(&table.map_err(Failure::run)?);
     }
     if args.setup.common.json {
-        let parameters =
-            written_values(values, serde_json::value::Serializer).map_err(Failure::run)?;
         let document = serde_json::json!({
-            "format": 1, "sensor": prepared.sensor, "parameters": parameters,
+            "format": 1, "sensor": prepared.sensor, "parameters": values_json(values),
             "set": Facts::new(&prepared.dataset), "pairs": args.pairs().name(),
             "summary": summary,
         });
-        exit::print(&exit::json(&document)?)?;
-        return Ok(());
+        return exit::print_json(&document);
     }
     let (pairs, which) = (summary.pairs, args.pairs().name());
     println!("recall        {:.1} % of {pairs} {which} pairs", summary.recall_pct);

@@ -1,4 +1,4 @@
-//! How a command ends badly, and how it prints so that it can.
+//! Exit codes and error output of the commands.
 
 use std::fmt::Display;
 use std::io::{ErrorKind, Write};
@@ -6,21 +6,29 @@ use std::io::{ErrorKind, Write};
 use serde::Serialize;
 
 use super::interrupt::{INTERRUPTED, end_the_process, is_ending};
+use echoloop_closed_loop::config::LoadError;
 use echoloop_closed_loop::dataset::DatasetError;
+use echoloop_closed_loop::external_search::ExternalSearchError;
+use echoloop_closed_loop::parameters::{CandidateError, ValueError};
+use echoloop_closed_loop::prepared::PrepareError;
 use echoloop_closed_loop::run_folder::files::FileError;
 use echoloop_closed_loop::run_folder::journal::JournalError;
+use echoloop_closed_loop::run_folder::tuned_run::TunedRunError;
+use echoloop_closed_loop::scan_folder::ScanError;
 use echoloop_closed_loop::search::TuneError;
+use echoloop_closed_loop::tuning::WriteRunError;
 use echoloop_files::stderr::{bounded, say};
+use echoloop_report::finished_runs::RunError;
 use echoloop_sensors::client::ClientError;
 use echoloop_sensors::sensor::SensorError;
 
-/// What a shell says of a command that wrote to a closed pipe: 128 + SIGPIPE.
+/// Exit code of a command that wrote to a closed pipe: 128 + SIGPIPE.
 pub const READER_GONE: u8 = 141;
 
 /// A message for people, and an exit code for scripts.
 #[derive(Debug)]
 pub struct Failure {
-    /// What went wrong.
+    /// The reason, without `error: `.
     pub message: String,
     /// 1 the run, 2 usage, configuration or a file, 3 the link or the sensor, 4 below the recall
     /// asked, 130 interrupted, 141 the reader of standard output has gone.
@@ -37,7 +45,7 @@ impl Failure {
         Self::new(1, message)
     }
 
-    /// What was asked makes no sense, or a file is unusable.
+    /// Flags or configuration make no sense, or a file is unusable.
     pub(super) fn usage(message: impl Display) -> Self {
         Self::new(2, message)
     }
@@ -53,21 +61,63 @@ impl From<SensorError> for Failure {
     }
 }
 
-impl From<DatasetError> for Failure {
-    fn from(error: DatasetError) -> Self {
-        Self::usage(error)
+/// Errors that end a command with exit code 2.
+macro_rules! usage_errors {
+    ($($error:ty),* $(,)?) => {$(
+        impl From<$error> for Failure {
+            fn from(error: $error) -> Self {
+                Self::usage(error)
+            }
+        }
+    )*};
+}
+
+usage_errors![
+    CandidateError,
+    DatasetError,
+    FileError,
+    JournalError,
+    LoadError,
+    RunError,
+    TunedRunError,
+    ValueError,
+];
+
+impl From<PrepareError> for Failure {
+    fn from(error: PrepareError) -> Self {
+        match error {
+            PrepareError::Sensor(error) => error.into(),
+            error => Self::usage(error),
+        }
     }
 }
 
-impl From<JournalError> for Failure {
-    fn from(error: JournalError) -> Self {
-        Self::usage(error)
+impl From<ScanError> for Failure {
+    fn from(error: ScanError) -> Self {
+        match error {
+            ScanError::Sensor(error) => error.into(),
+            ScanError::File(error) => error.into(),
+            ScanError::NoEcho { .. } => Self::run(error),
+            ScanError::Interrupted => Self::new(INTERRUPTED, error),
+        }
     }
 }
 
-impl From<FileError> for Failure {
-    fn from(error: FileError) -> Self {
-        Self::usage(error)
+impl From<ExternalSearchError> for Failure {
+    fn from(error: ExternalSearchError) -> Self {
+        match error {
+            ExternalSearchError::Sensor(error) => error.into(),
+            ExternalSearchError::Input(_) => Self::usage(error),
+        }
+    }
+}
+
+impl From<WriteRunError> for Failure {
+    fn from(error: WriteRunError) -> Self {
+        match error {
+            WriteRunError::File(error) => error.into(),
+            WriteRunError::Sensor(error) => error.into(),
+        }
     }
 }
 
@@ -96,20 +146,29 @@ pub(super) fn print(text: &str) -> Result<(), Failure> {
     print_bytes(text.as_bytes())
 }
 
-/// A document as JSON for people and scripts, with the end of its last line.
+/// A document as indented JSON, with a line end.
 ///
 /// # Errors
 ///
-/// [`Failure`] 1 when it cannot be written down.
+/// [`Failure`] 1 when it cannot be serialised.
 pub(super) fn json(document: &impl Serialize) -> Result<String, Failure> {
     Ok(serde_json::to_string_pretty(document).map_err(Failure::run)? + "\n")
 }
 
-/// As [`print`], what is no text.
+/// Prints a document as [`json`] has it.
 ///
 /// # Errors
 ///
-/// As of [`print`].
+/// Those of [`json`] and [`print`].
+pub(super) fn print_json(document: &impl Serialize) -> Result<(), Failure> {
+    print(&json(document)?)
+}
+
+/// [`print`] for bytes that are no text.
+///
+/// # Errors
+///
+/// Those of [`print`].
 pub(super) fn print_bytes(bytes: &[u8]) -> Result<(), Failure> {
     write_to(&mut std::io::stdout().lock(), bytes)
 }
@@ -121,8 +180,9 @@ fn write_to(out: &mut impl Write, bytes: &[u8]) -> Result<(), Failure> {
     })
 }
 
-/// Says on standard error what went wrong, but for a reader that has gone; gives the exit code.
-/// Where the process is being ended, an emulator was stopped before us: the failure is that end.
+/// Prints the failure to standard error, unless the reader of standard output has gone, and gives
+/// the exit code. In a process that ^C is ending the failure is that of its stopped emulator: such
+/// a process ends here.
 pub fn report_failure(failure: &Failure) -> std::process::ExitCode {
     if is_ending() {
         end_the_process();

@@ -1,31 +1,47 @@
-//! The command line: one file a command, and what commands share.
+//! The `echoloop` command: one file a command, which reads flags, calls a library and prints.
 //!
-//! A command reads its flags with clap into a struct of arguments, lays them over the
-//! configuration (`common`), meets the sensor and traces the scans (`prepared`), does its work
-//! and prints it as text or as one JSON document. It ends with a [`Failure`], which has the exit
-//! code. To add one: a file with `Args` and `run`, a variant of `Command`, a line in [`Cli::run`].
+//! To add a command:
+//!
+//! 1. a file with a struct of flags (clap's `Args`) and `run(&Args) -> Result<(), Failure>`;
+//! 2. a variant of `Command` here, whose comment is the command's help, and its arm in
+//!    [`Cli::run`];
+//! 3. a file of tests in `host/app/tests/command`, and a row in `docs/commands.md`.
+//!
+//! `run` makes the configuration (`ConfigSource::load`), checks what it is to write (`Output::at`),
+//! then works, on the threads asked for (`on_threads`), and prints text or, with `--json`, one
+//! document. Errors of libraries become exit codes in `exit`, by `?`.
+//!
+//! Files that are no command:
+//!
+//! | file | holds |
+//! |---|---|
+//! | `common` | flags of most commands: `--json`, `--threads`, `--config`, `--set`, … |
+//! | `choice` | flags of the sensor |
+//! | `method_choice` | `--method` |
+//! | `method_flags` | a flag for each row of registration's table of settings |
+//! | `axis_flags` | `--tune` and `--fix` |
+//! | `number` | numbers with bounds |
+//! | `order` | flags before the command's name |
+//! | `cloud_output`, `response` | files that several flags describe |
+//! | `prepared` | sensor and traced pairs, with progress |
+//! | `progress`, `exit`, `interrupt` | progress bar, printing and exit codes, ^C |
 
-mod atomic_folder;
 mod axis_flags;
-mod candidate;
 mod choice;
 mod cloud_output;
 mod common;
 mod compare;
 mod config;
-mod configured_sensor;
 mod difficulty;
 mod echoes;
 mod evaluate;
 mod exit;
-mod figures;
 mod interrupt;
 mod method_choice;
 mod method_flags;
 mod number;
 mod order;
 mod pairs;
-mod parameter_table;
 mod prepared;
 mod progress;
 mod rate;
@@ -39,12 +55,8 @@ mod scan_along;
 mod scene;
 mod sensor;
 mod serve;
-mod shown_pair;
 mod store;
-mod stream;
-mod table_format;
 mod tune;
-mod tuned_run;
 
 use std::ffi::OsString;
 
@@ -54,6 +66,7 @@ use clap_complete::Shell;
 use echoloop_files::shown;
 
 use echoloop_closed_loop::config::preset::Preset;
+use echoloop_closed_loop::parameters::parameter_table;
 use echoloop_registration::Method;
 
 pub use exit::{Failure, READER_GONE, report_failure};
@@ -87,7 +100,7 @@ enum Command {
     Evaluate(evaluate::EvaluateArgs),
     /// Write a run's page again, from its folder alone; its charts as files.
     Report(report::ReportArgs),
-    /// Put runs side by side: what their tuned parameters are worth, and in what they differ.
+    /// Compare runs: errors of their tuned parameters, and the settings in which they differ.
     Compare(compare::CompareArgs),
     /// Run the paper's Table 1, cell by cell, and print it beside the paper's numbers.
     ///
@@ -109,11 +122,11 @@ enum Command {
     Pairs(pairs::PairsArgs),
     /// Trace the configured pairs and keep them in a file, for `--stored FILE` of the others.
     Store(store::StoreArgs),
-    /// Find how hard pairs must be for a recall: for which `data.difficulty` the settings that a
-    /// run starts with register 90, 50 or 20 % of them.
+    /// Find the `data.difficulty` at which the settings that a run starts with register 90, 50 or
+    /// 20 % of the pairs.
     ///
-    /// Tries ever harder training pairs, takes the difficulty between them, and says what it gives
-    /// on the held-out pairs.
+    /// Tries ever harder training pairs, interpolates between their difficulties, and prints the
+    /// recall on held-out pairs of the difficulty found.
     Difficulty(difficulty::DifficultyArgs),
     /// Register two clouds: PLY, PCD, VTK, KITTI .bin or XYZ.
     Register(register::RegisterArgs),
@@ -123,25 +136,25 @@ enum Command {
     /// [{"time_ns": …, "amplitude": …, "width_ns": …, "snr": …, "flags": […]}]}, times from the
     /// row's first sample, amplitudes above ambient in the input's units.
     Echoes(echoes::EchoesArgs),
-    /// Read a road network (OpenDRIVE): what it has, its waypoints as a table.
+    /// Read a road network (OpenDRIVE): facts about it, its waypoints as a table.
     ///
     /// With --json its topology too: the entries of each driving lane and of each that it leads
     /// into. Of a town of ours `-o FILE.xodr` writes the roads, for CARLA and its editors.
     Roads(roads::RoadsArgs),
-    /// Ask a sensor who it is, read its settings, set them.
+    /// Read a sensor's identity and settings, and set them.
     ///
     /// `--set lidar.power=50` and the like are laid over the sensor's own settings and sent to it,
     /// which checks them itself; of a configuration file, all of [lidar] is sent. With neither,
     /// nothing is changed.
     Sensor(sensor::SensorArgs),
-    /// How many scans a second a processor, a line and the light allow, with this configuration's
-    /// beams and settings.
+    /// Estimate the scans a second that a processor, a line and the light allow, with this
+    /// configuration's beams and settings.
     ///
     /// Instructions are those of `cargo xtask cost`, counted in an emulator and fitted. With
     /// --sensor qemu or serial the sensor is asked as well: it times its scans itself, and counts
     /// those that take longer than --hz allows.
     Rate(rate::RateArgs),
-    /// Be a sensor on a serial port, to rehearse `--sensor serial:` with.
+    /// Act as a sensor on a serial port, to rehearse `--sensor serial:` with.
     ///
     /// The sensor shows viewpoint n for scan n: those of the configuration's pairs, numbered as
     /// `--sensor serial:` asks for them. To rehearse without a board, run
@@ -163,18 +176,17 @@ enum Command {
     },
 }
 
-/// What --json prints of `echoes`, where all other commands print one document.
+/// Help of --json of `echoes`: all other commands print one document.
 const JSON_LINES: &str =
     "Print a JSON document a waveform, each a line, to standard output instead of text";
 
-/// The command line with the parameter table in its help: it comes from the firmware, so it is put
-/// in here.
+/// The command line, with the parameter table in its help.
 pub fn command() -> clap::Command {
     let help = format!(
         "Parameters, set with --set KEY=VALUE or in a file ([lidar], [registration]); those of \
          another method: \
          `echoloop config --parameters --set registration.method=fgr`.\n\n{}",
-        parameter_table::parameter_table(Method::Icp, Preset::Outdoor)
+        parameter_table(Method::Icp, Preset::Outdoor)
     );
     let with_parameters = |c: clap::Command| c.after_long_help(help.clone());
     let command = Cli::command().mut_subcommand("tune", with_parameters);
@@ -184,7 +196,7 @@ pub fn command() -> clap::Command {
     let command = command.mut_subcommand("scan", with_parameters);
     let command =
         command.mut_subcommand("echoes", |c| c.mut_arg("json", |json| json.help(JSON_LINES)));
-    // So that a flag can say what it takes instead of -1.
+    // A negative number reaches its flag, which refuses it with its bound.
     command.allow_negative_numbers(true).mut_subcommands(|c| c.allow_negative_numbers(true))
 }
 
@@ -201,7 +213,7 @@ pub fn matches_of<A: Into<OsString>>(
     command.try_get_matches_from(line)
 }
 
-/// The message of clap with what it repeats of the command line as short as that of others.
+/// A message of clap, with the parts of the command line that it repeats shortened.
 fn shortened(mut error: clap::Error) -> clap::Error {
     let repeated: Vec<_> = error
         .context()
@@ -225,7 +237,7 @@ impl Cli {
         cli.unwrap_or_else(|error| shortened(error).exit())
     }
 
-    /// Does what was asked.
+    /// Runs the command.
     ///
     /// # Errors
     ///

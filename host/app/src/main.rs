@@ -5,8 +5,8 @@ use std::process::ExitCode;
 use echoloop_app::{Cli, READER_GONE, report_failure};
 use echoloop_files::say;
 
-/// `println!` panics where it cannot write. To a closed pipe, `echoloop config | head -1`, the
-/// command ends quietly, as others do; elsewhere, as on a full disk, it says so and fails.
+/// Ends a `println!` that cannot write, which panics: quietly to a closed pipe, as of
+/// `echoloop config | head -1`, else with an error, as on a full disk.
 fn end_with_the_output() {
     let usual = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

@@ -1,15 +1,15 @@
-//! `--method`: which registration method a run uses.
+//! `--method`, `--mode` and `--refine`, and flags that take a name of a table.
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 use echoloop_closed_loop::config::{FgrMode, Method, Override};
 
-/// What `--mode` is.
+/// Help of `--mode`.
 pub(super) const MODE_HELP: &str =
     "Of fgr: as published, or as Open3D 0.20 runs it from Python, the paper's baseline";
 
-/// Flags of every command that registers scans of its own.
+/// Flags of commands that scan and register.
 #[derive(Clone, Debug, Args)]
 pub(super) struct MethodChoice {
     /// Registration method; global ones (fgr, mac) get scans 5 m apart unless data.baseline_m says
@@ -24,7 +24,7 @@ pub(super) struct MethodChoice {
 }
 
 impl MethodChoice {
-    /// As changes of the configuration.
+    /// Changes of the configuration.
     pub(super) fn overrides(&self) -> Vec<Override> {
         let method = self.method.map(|method| Override::flag("registration.method", method.name()));
         let mode = self.mode.map(|mode| Override::flag("registration.mode", mode.name()));
@@ -33,7 +33,7 @@ impl MethodChoice {
     }
 }
 
-/// A value's name on the command line, which is also its name in the file.
+/// Name of a value on the command line, which is also its name in the file.
 pub(super) fn toml_name(value: impl clap::ValueEnum) -> toml::Value {
     value.to_possible_value().map(|v| v.get_name().to_owned()).unwrap_or_default().into()
 }
@@ -48,7 +48,7 @@ pub(super) fn mode_parser() -> impl TypedValueParser<Value = FgrMode> {
     one_of(FgrMode::ALL.map(|mode| (mode.name(), mode.summary(), mode)))
 }
 
-/// A choice by name, each with a line of help.
+/// Parser of a table's names, each with a line of help.
 pub(super) fn one_of<T: Copy + Send + Sync + 'static, const N: usize>(
     choices: [(&'static str, &'static str, T); N],
 ) -> impl TypedValueParser<Value = T> {

@@ -1,4 +1,4 @@
-//! One flag for every setting of every registration method: a row of registration's table each.
+//! A flag for each row of registration's table of settings.
 
 use std::sync::LazyLock;
 
@@ -11,15 +11,15 @@ use echoloop_registration::{FgrMode, Kind, Method, MethodConfig, SETTINGS, Setti
 
 const HEADING: &str = "Settings; those left out are chosen from the clouds";
 
-/// What the user says of a method's settings; the rest is chosen from the clouds.
+/// Settings of a method that the user gives; the others are chosen from the clouds.
 #[derive(Clone, Debug)]
 pub(super) struct MethodFlags {
-    /// The numbers that were given.
+    /// Numbers.
     given: Vec<(&'static Setting, f64)>,
     own: OwnFlags,
 }
 
-/// What is no number.
+/// Flags that are no numbers of the table.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = HEADING)]
 struct OwnFlags {
@@ -30,7 +30,7 @@ struct OwnFlags {
     seed: Option<u64>,
 }
 
-/// A setting's flag. The parser keeps names as long as the program runs.
+/// Flag of a setting. The parser keeps names as long as the program runs.
 struct Flag {
     setting: &'static Setting,
     name: String,
@@ -74,7 +74,7 @@ impl Flag {
     }
 }
 
-/// Reads a count; the method, which may have a bound of its own, is known later.
+/// Reads a count. Its bound is checked later, when the method is known.
 fn whole(setting: &Setting, text: &str) -> Result<usize, String> {
     text.parse().map_err(|_| format!("expected a whole number, {}", setting.bounds()))
 }
@@ -88,7 +88,7 @@ fn value_name(setting: &Setting) -> &'static str {
     }
 }
 
-/// The table's line and what the setting must be; first the methods that have it, if not all do.
+/// Help of the table with the setting's bounds, after the methods that have it unless all do.
 fn help(setting: &Setting) -> String {
     let line = setting.help.strip_suffix('.').unwrap_or(setting.help);
     let line = format!("{line} [{}]", setting.bounds());
@@ -128,7 +128,7 @@ impl MethodFlags {
         self.given.iter().any(|(setting, _)| setting.key == key)
     }
 
-    /// Whether the method has what was given, and takes each by itself.
+    /// Refuses settings that the method does not have, and values out of bounds.
     pub(super) fn check(&self, method: Method) -> Result<(), Failure> {
         let strange = self.given.iter().find(|(setting, _)| setting.of(method).is_none());
         let own = [("mode", self.own.mode.is_some()), ("seed", self.own.seed.is_some())];
@@ -171,7 +171,7 @@ impl MethodFlags {
         Ok(config)
     }
 
-    /// A normal radius of one's own widens the features' when that was left to us.
+    /// Widens the features' radius to a given normal radius, unless it is given, too.
     fn widen_features(&self, config: &mut MethodConfig) {
         if self.gives("normal_radius_m")
             && !self.gives("feature_radius_m")
@@ -181,13 +181,13 @@ impl MethodFlags {
         }
     }
 
-    /// A pair distance of one's own is meant as it stands: no coarse start above it.
+    /// Drops the coarse start where a pair distance is given: none may be above it.
     fn keep_distance(&self, config: &mut MethodConfig) {
         if self.gives("max_pair_distance_m") {
             match config {
                 MethodConfig::Icp(config) => config.first_pair_distance_m = None,
                 MethodConfig::Gicp(config) => config.first_pair_distance_m = None,
-                MethodConfig::Fgr(_) | MethodConfig::Mac(_) | MethodConfig::Auto(_) => {}
+                _ => {}
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Flags that are numbers: what they take is said with the flag, before any work.
+//! Flags that are numbers, refused with their bounds before any work.
 
 use std::str::FromStr;
 
@@ -26,12 +26,12 @@ where
     StringValueParser::new().try_map(move |text| read(&key, &text))
 }
 
-/// Reads a number that sets the key of that name.
+/// Parser of a number that sets a key of the configuration.
 pub(super) fn number_of<T>(name: &'static str) -> impl TypedValueParser<Value = T>
 where
     T: FromStr + Value + Clone + Send + Sync + 'static,
 {
-    // A name that is no key's takes any number of its type; the tests know every flag's.
+    // A name that is no key takes any number; tests hold the bound of every flag.
     let kind = if T::KIND == Kind::Whole { Kind::Whole } else { Kind::Number };
     number_as(key(name).copied().unwrap_or(flag(kind, Bounds::at_least(0.0))))
 }
@@ -42,7 +42,7 @@ pub(super) fn read<T: FromStr + Value>(key: &Parameter, text: &str) -> Result<T,
     number.ok_or_else(|| format!("expected {}", key.expected_of_text()))
 }
 
-/// Reads a seed: one that a file can hold.
+/// Reads a seed that a file can hold.
 pub(super) fn seed(text: &str) -> Result<u64, String> {
     let seed = text.parse().ok().filter(|&seed: &u64| i64::try_from(seed).is_ok());
     seed.ok_or_else(|| format!("expected {}", Bounds::SEED))

@@ -4,8 +4,8 @@ use std::ffi::OsString;
 
 use clap::{Arg, Command};
 
-/// The arguments with the command's name in front of the flags before it. Whether the command has
-/// such flags, it says itself.
+/// Moves the command's name before the flags that precede it; the command refuses those it does
+/// not have.
 pub(super) fn command_first(root: &Command, mut arguments: Vec<OsString>) -> Vec<OsString> {
     if let Some(at) = command_at(root, &arguments) {
         arguments[1..=at].rotate_right(1);
@@ -13,7 +13,7 @@ pub(super) fn command_first(root: &Command, mut arguments: Vec<OsString>) -> Vec
     arguments
 }
 
-/// Where the command's name stands, if the flags before it are known.
+/// Index of the command's name, if the flags before it are known.
 fn command_at(root: &Command, arguments: &[OsString]) -> Option<usize> {
     let mut at = 1;
     loop {
@@ -27,7 +27,7 @@ fn command_at(root: &Command, arguments: &[OsString]) -> Option<usize> {
     }
 }
 
-/// How many arguments after a flag are its values; `None` for what is no flag of the root.
+/// Number of arguments after a flag that are its values; `None` of what is no flag of the root.
 fn values_after(root: &Command, text: &str, is_value: bool) -> Option<usize> {
     if let Some(long) = text.strip_prefix("--") {
         let (name, value) = long.split_once('=').map_or((long, None), |(n, v)| (n, Some(v)));
@@ -45,7 +45,8 @@ fn values_after(root: &Command, text: &str, is_value: bool) -> Option<usize> {
     Some(0)
 }
 
-/// One that need have no value has one if the next argument can be that.
+/// Number of values of a flag; one whose value is optional takes the next argument if that can be
+/// a value.
 fn values_of(flag: &Arg, is_value: bool) -> usize {
     let is_optional = flag.get_num_args().is_some_and(|count| count.min_values() == 0);
     usize::from(flag.get_action().takes_values() && (!is_optional || is_value))

@@ -1,4 +1,4 @@
-//! Progress on standard error: a bar on a terminal, a line a generation elsewhere, nothing when
+//! Progress on standard error: a bar on a terminal, a line a generation elsewhere, none when
 //! quiet.
 
 use std::io::IsTerminal;
@@ -12,10 +12,10 @@ use echoloop_closed_loop::search::Observer;
 use echoloop_files::say;
 use echoloop_statistics::median;
 
-/// Shows how far the work is.
+/// Progress of a command.
 pub(super) struct Progress {
     bar: ProgressBar,
-    /// Lines instead of a bar.
+    /// True when lines are printed instead of a bar.
     lines: bool,
 }
 
@@ -30,7 +30,7 @@ impl Progress {
         Self { bar: ProgressBar::with_draw_target(None, target), lines: !terminal && !quiet }
     }
 
-    /// Begins a part of the work of so many steps.
+    /// Begins a part of the work.
     pub(super) fn begin(&self, name: &str, steps: u64) {
         self.bar.reset();
         self.bar.set_length(steps);
@@ -45,15 +45,18 @@ impl Progress {
         }
     }
 
-    /// How far the part is.
-    pub(super) fn at(&self, step: u64) {
-        self.bar.set_position(step);
+    /// Begins tracing; the function it gives takes a fraction of 1 and the present step.
+    pub(super) fn scanning(&self) -> impl Fn(f64, &str) + '_ {
+        self.begin("scanning", 1000);
+        |fraction, step| {
+            self.at((fraction * 1000.0) as u64);
+            self.bar.set_message(shown(step));
+        }
     }
 
-    /// How far a part of 1000 steps is, as a fraction, and what it is at.
-    pub(super) fn at_what(&self, fraction: f64, what: &str) {
-        self.at((fraction * 1000.0) as u64);
-        self.bar.set_message(shown(what));
+    /// Steps of the part that are done.
+    pub(super) fn at(&self, step: u64) {
+        self.bar.set_position(step);
     }
 
     /// A remark.
@@ -65,7 +68,7 @@ impl Progress {
         }
     }
 
-    /// No more.
+    /// Ends the part.
     pub(super) fn end(&self) {
         self.bar.finish_and_clear();
     }
@@ -88,7 +91,7 @@ impl Observer for Progress {
 fn told(generation: &Generation, of: u32) -> String {
     let fitness = || generation.candidates.iter().map(|c| c.fitness);
     let best = fitness().fold(f64::INFINITY, f64::min);
-    // Of a front there is neither a mean nor a step size.
+    // A front has neither a mean nor a step size.
     let sigma = match generation.mean.is_empty() {
         true => String::new(),
         false => format!("  sigma {:.3}", generation.sigma),

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::cloud_output::{CloudOutput, format_parser, tell, wrote};
+use super::cloud_output::{CloudOutput, format_parser, outputs, tell, wrote};
 use super::common::{Common, on_threads};
 use super::exit::Failure;
 use super::method_choice::method_parser;
 use super::method_flags::MethodFlags;
-use super::tuned_run::tuned_config;
 use echoloop_closed_loop::parameters::{Parameters, written};
+use echoloop_closed_loop::run_folder::tuned_run::tuned_config;
 use echoloop_files::say;
 use echoloop_registration::cloud::{
     Cloud, CloudError, CloudFormat, Dropped, Recorded, read_cloud, read_recorded, voxel,
@@ -40,16 +40,18 @@ pub(crate) struct RegisterArgs {
     /// With the method and the settings that a run tuned; flags of settings are laid over them.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["method", "refine", "mode"])]
     run: Option<PathBuf>,
-    /// What the run tuned.
+    /// Settings that the run tuned.
     #[arg(skip)]
     tuned: Option<MethodConfig>,
     /// Of icp, gicp and auto, where to start: a file with target_from_source, as --json writes it,
     /// as a 4 × 4 matrix, or as a KITTI row of 12 numbers [default: identity].
     #[arg(long, value_name = "FILE")]
     initial: Option<PathBuf>,
-    /// Where to write the source in the target's frame, with all that its file says of each point:
-    /// FILE.ply, FILE.pcd, or - for standard output. Nothing is written unless it is registered.
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", help = format!(
+        "Where to write the source in the target's frame, with all that its file says of each \
+         point: {}. Nothing is written unless it is registered",
+        outputs()
+    ))]
     output: Option<PathBuf>,
     /// Format of the output [default: that of the file's name, else ply].
     #[arg(long, value_parser = format_parser(), requires = "output")]
@@ -79,7 +81,7 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
 fn with_run(mut args: RegisterArgs) -> Result<RegisterArgs, Failure> {
     if let Some(run) = &args.run {
         let config = tuned_config(run)?;
-        let start = Parameters::start(&config, &config.hardware()).map_err(Failure::usage)?;
+        let start = Parameters::start(&config, &config.hardware())?;
         let theta = start.registration;
         args.method = theta.method.method();
         (args.refine, args.tuned) = (theta.refine, Some(theta.method));
@@ -87,7 +89,7 @@ fn with_run(mut args: RegisterArgs) -> Result<RegisterArgs, Failure> {
     Ok(args)
 }
 
-/// Flags that do not go together, before anything is read.
+/// Refuses flags that do not go together, before anything is read.
 fn check(args: &RegisterArgs) -> Result<(), Failure> {
     let name = args.method.name();
     if args.refine && !args.method.is_rough() {
@@ -179,7 +181,7 @@ fn write(
     output.write(&source)
 }
 
-/// The settings were checked, so it is the voxel that does not go with a cloud: says which.
+/// Refuses the cloud that the voxel does not go with: the settings themselves were checked.
 fn name_what_cannot_run(clouds: &[(&PathBuf, &Cloud)], voxel_m: f64) -> Result<(), Failure> {
     for (path, cloud) in clouds {
         voxel::downsample(cloud, voxel_m)
@@ -188,7 +190,7 @@ fn name_what_cannot_run(clouds: &[(&PathBuf, &Cloud)], voxel_m: f64) -> Result<(
     Ok(())
 }
 
-/// Says when matches were left out.
+/// Warns when matches were left out.
 fn warn(args: &RegisterArgs, outcome: &Outcome) {
     if let Some(consensus) =
         outcome.consensus.filter(|c| c.searched < c.matches && !args.common.quiet)
@@ -206,7 +208,7 @@ fn cpu_s() -> f64 {
     cpu_time::ProcessTime::try_now().map_or(f64::NAN, |t| t.as_duration().as_secs_f64())
 }
 
-/// What is printed: a document, or lines.
+/// The output: a document, or lines.
 fn told(
     args: &RegisterArgs,
     config: &MethodConfig,

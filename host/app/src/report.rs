@@ -5,12 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::exit::{Failure, print};
-use echoloop_closed_loop::run_folder::files::{
-    Output, PART, beside, is_free_for_a_file, make_folders, replace,
-};
+use echoloop_closed_loop::run_folder::files::Output;
 use echoloop_closed_loop::run_folder::run::{REPORT, RESULT, RunFolder};
-use echoloop_report::finished_runs::{FinishedRun, RunError, page};
-use echoloop_report::{Figure, Report};
+use echoloop_report::finished_runs::{FinishedRun, page};
+use echoloop_report::{Report, write_figures};
 
 /// Flags of `report`.
 #[derive(Clone, Debug, Args)]
@@ -55,43 +53,20 @@ pub(super) fn run(args: &ReportArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// `-`, as elsewhere.
+/// True of `-`.
 pub(super) fn is_standard_output(path: &Path) -> bool {
     path == Path::new("-")
 }
 
-/// Writes the page of a run into its folder, as `report` does: nothing but the folder is read.
+/// Writes the page of a run into its folder, from that folder alone.
 pub(super) fn write_page(folder: &RunFolder) -> Result<(), Failure> {
     let html = page(&FinishedRun::read(folder.path())?)?.to_html().map_err(Failure::run)?;
     Ok(folder.write(REPORT, &html)?)
 }
 
-/// Writes every chart; says how many there are.
+/// Writes every chart and counts them.
 fn charts(report: &Report, folder: &Path) -> Result<usize, Failure> {
     let figures = report.figures().map_err(Failure::run)?;
     write_figures(&figures, folder)?;
     Ok(figures.len())
-}
-
-/// Writes figures as SVG and as PNG into a folder, which is made where there is none. Nothing is
-/// written where anything but a file is in the way of one.
-pub(super) fn write_figures(figures: &[Figure], folder: &Path) -> Result<(), Failure> {
-    let places = |name: &str| ["svg", "png"].map(|ending| folder.join(format!("{name}.{ending}")));
-    for path in figures.iter().flat_map(|figure| places(&figure.name)) {
-        is_free_for_a_file(&path)?;
-        is_free_for_a_file(&beside(&path, PART))?;
-    }
-    make_folders(folder)?;
-    for Figure { name, svg, png } in figures {
-        let [drawing, picture] = places(name);
-        replace(&drawing, svg.as_bytes())?;
-        replace(&picture, png)?;
-    }
-    Ok(())
-}
-
-impl From<RunError> for Failure {
-    fn from(error: RunError) -> Self {
-        Self::usage(error)
-    }
 }

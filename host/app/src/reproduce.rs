@@ -16,12 +16,13 @@ use super::exit::{self, Failure, print};
 use super::interrupt::stop_on_interrupt;
 use super::number::{number_of, seed};
 use super::progress::Progress;
-use super::report::{is_standard_output, write_figures};
+use super::report::is_standard_output;
 use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 use echoloop_closed_loop::config::{Override, default_runs_folder};
 use echoloop_closed_loop::run_folder::files::Output;
 use echoloop_closed_loop::search::Observer;
 use echoloop_files::say;
+use echoloop_report::write_figures;
 use echoloop_study::{
     Ablation, Base, ByHand, Cell, Figures, Folder, FolderError, Plan, RealPair, RealRow, Scene,
     Selection, Table, TableMethod, judge_real, name_of, page, read_real_pairs,

@@ -1,4 +1,4 @@
-//! The instrument's response, as `echoes` takes it, tells it and writes it.
+//! Flags of the instrument's response, and its output.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use echoloop_instruments::response::{LEAST_ECHOES, Later, NoResponse, Response};
 use echoloop_instruments::{Rows, read_waveforms};
 use echoloop_report::ResponsePage;
 
-/// Where the response comes from, and where it goes.
+/// Flags that read, estimate or write the response.
 #[derive(Clone, Debug, Args)]
 pub(super) struct ResponseArgs {
     /// The instrument's response, a point a row: time_ns,level or time_ns,level,spread. Without it
@@ -37,24 +37,23 @@ pub(super) struct ResponseArgs {
     plot_response: Option<PathBuf>,
 }
 
-/// Echoes below which a response has been seen to lose more than it is worth:
-/// benches/record/waveforms.md.
+/// Fewest echoes of a response: of fewer it lost more than it gained (benches/record/waveforms.md).
 const FEWEST: usize = 16;
 
-/// The files that are to be written, seen to be free.
+/// Files to write, checked to be writable.
 pub(super) struct Outputs {
     csv: Option<Output>,
     page: Option<Output>,
 }
 
 impl ResponseArgs {
-    /// Sees whether what is asked can be done and written, before any work.
+    /// Checks that the files can be written, before any work.
     pub(super) fn outputs(&self) -> Result<Outputs, Failure> {
         let at = |path: &Option<PathBuf>| path.as_deref().map(Output::at).transpose();
         Ok(Outputs { csv: at(&self.write_response)?, page: at(&self.plot_response)? })
     }
 
-    /// The response given, or that of the rows, if they show one.
+    /// The given response, or the one estimated from the rows.
     pub(super) fn find(
         &self,
         rows: &Rows,
@@ -85,7 +84,7 @@ impl ResponseArgs {
     }
 }
 
-/// What to do about it.
+/// Advice to a response that is not found.
 fn advice(problem: &NoResponse) -> String {
     let found = problem.found;
     let fewer = match found {
@@ -113,7 +112,7 @@ impl Outputs {
     }
 }
 
-/// What a response is, in a line.
+/// A response in a line.
 pub(super) fn told(response: &Response, sample_ns: f64) -> String {
     let facts = facts(response, sample_ns);
     let told: Vec<String> = facts.iter().map(|(name, value)| format!("{name} {value}")).collect();

@@ -14,7 +14,7 @@ use super::number::{flag, read};
 use echoloop_closed_loop::dataset::source::Source;
 use echoloop_closed_loop::run_folder::files::Output;
 
-/// From waypoint to waypoint, metres, where nothing is given.
+/// Default of `--step`, m.
 const STEP_M: f64 = 2.0;
 
 /// Flags of `roads`.
@@ -37,7 +37,7 @@ fn step(text: &str) -> Result<f64, String> {
     read(&flag(Kind::Number, Bounds::between(0.1, 1000.0)), text)
 }
 
-/// What is written.
+/// Content of `--output`, by the ending of its name.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Written {
     Waypoints,
@@ -81,7 +81,7 @@ pub(super) fn run(args: &RoadsArgs) -> Result<(), Failure> {
     exit::print(&(told(&network) + &wrote.collect::<String>()))
 }
 
-/// The roads of a town or a file; of a town of ours their text, too.
+/// The roads of a town or a file; of a drawn town with their text.
 fn network(source: &str) -> Result<(RoadNetwork, Option<String>), Failure> {
     let found = Source::of(source);
     let drawn = match &found {
@@ -151,7 +151,7 @@ fn document(network: &RoadNetwork) -> Value {
     })
 }
 
-/// A row a waypoint; right-handed metres, degrees counter-clockwise from x.
+/// CSV of waypoints: right-handed metres, degrees counter-clockwise from x.
 fn waypoints(network: &RoadNetwork, step_m: f64) -> String {
     let mut text =
         String::from("road_id,section_id,lane_id,s,x,y,z,heading_deg,rise,width,in_junction\n");

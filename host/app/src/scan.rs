@@ -6,46 +6,47 @@ use std::sync::Arc;
 
 use clap::{Args, ValueHint};
 use echoloop_frontend::SceneResponse;
-use echoloop_sim::scene::Scene;
-use echoloop_sim::viewpoint::{
-    Footing, PairPlan, Split, Standpoint, ViewpointError, stand_alone, stands_aloft,
-};
 use nalgebra::{Translation3, UnitQuaternion};
 
-use super::cloud_output::{CloudOutput, format_parser, tell, wrote};
+use super::cloud_output::{CloudOutput, format_parser, other_endings, outputs, tell, wrote};
 use super::common::{Setup, on_threads};
-use super::configured_sensor::Ready;
 use super::exit::{self, Failure};
 use super::progress::Progress;
 use super::scan_along::{Along, scan_along};
 use echoloop_closed_loop::beams::Beams;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::dataset::source::Source;
-use echoloop_closed_loop::dataset::{
-    Dataset, DatasetError, Place, pair_plan, place, poses, respond, sight,
-};
+use echoloop_closed_loop::dataset::{Dataset, Place, place, respond, single_viewpoint};
 use echoloop_closed_loop::evaluation::scan_cloud::recorded_from_scan;
+use echoloop_closed_loop::prepared::ConfiguredSensor;
+use echoloop_closed_loop::scan_folder::with_points;
 use echoloop_closed_loop::seed::scan_noise;
 use echoloop_registration::cloud::{CloudFormat, Recorded};
 use echoloop_registration::pose::{Pose, to_rows};
-use echoloop_sensors::sensor::View;
+use echoloop_sensors::sensor::{Model, View};
 
 /// Flags of `scan`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct ScanArgs {
     #[command(flatten)]
     setup: Setup,
-    /// Where to write the cloud (sensor frame, m), with all that the sensor tells of each point:
-    /// FILE.ply, FILE.pcd, or - for standard output. With --trajectory a folder to make.
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", help = format!(
+        "Where to write the cloud (sensor frame, m), with all that the sensor tells of each point: \
+         {}. With --trajectory a folder to make",
+        outputs()
+    ))]
     output: Option<PathBuf>,
     /// Format of the cloud [default: that of the file's name, else ply].
     #[arg(long, value_parser = format_parser(), requires = "output")]
     format: Option<CloudFormat>,
-    /// Scans along poses: a file of lines `time x y z qx qy qz qw` (TUM; s, m) or of KITTI's
-    /// twelve numbers, world from sensor. The folder of -o gets NNNNNN.ply (or .pcd) for each pose
-    /// 000000, 000001, …; poses.txt, as KITTI has them; times.txt, if there are times; config.toml.
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "pose")]
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "pose",
+          help = format!(
+        "Scans along poses: a file of lines `time x y z qx qy qz qw` (TUM; s, m) or of KITTI's \
+         twelve numbers, world from sensor. The folder of -o gets NNNNNN.ply (or {}) for each pose \
+         000000, 000001, …; poses.txt, as KITTI has them; times.txt, if there are times; \
+         config.toml",
+        other_endings()
+    ))]
     trajectory: Option<PathBuf>,
     /// Pose of the sensor: x y z in m, yaw pitch roll in degrees
     /// [default: the first training viewpoint].
@@ -76,20 +77,18 @@ pub(super) fn run(args: &ScanArgs) -> Result<(), Failure> {
     on_threads(args.setup.common.threads, || scan(args, &config, output.as_ref()))?
 }
 
-/// What came back, and from where.
+/// A scan, and the place it was made from.
 struct Scan {
-    /// Which sensor, and its firmware.
+    /// Name and firmware of the sensor.
     sensor: String,
-    /// The scene and the sensor's pose in it; of a sensor that somebody else turns, nothing is
-    /// known.
+    /// The scene and the sensor's pose in it; unknown of a sensor that somebody else points.
     seen: Option<Seen>,
     settings: u32,
     beams: u32,
     recorded: Recorded,
 }
 
-/// A place to look at.
-#[derive(Clone)]
+/// A view of a scene.
 struct Seen {
     scene: String,
     world_from_sensor: Pose,
@@ -97,33 +96,33 @@ struct Seen {
 }
 
 fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&CloudOutput>) -> Result<(), Failure> {
-    let ready = Ready::new(&args.setup, config)?;
-    let Ready { sensors, settings, beams, .. } = &ready;
-    let (seen, beams) = &match Source::of(&config.scene.source) {
+    let sensors = args.setup.sensor.sensors(Model::from(config))?;
+    let ConfiguredSensor { sensors, name, start, .. } =
+        ConfiguredSensor::new(config, sensors, &|_| ())?;
+    let (seen, beams) = match Source::of(&config.scene.source) {
         Source::Recording(_) => recorded(args, config)?,
-        _ => (seen(args, config, beams)?, beams.clone()),
+        _ => {
+            let beams = config.scanner.beams();
+            (seen(args, config, &beams)?, beams)
+        }
     };
     let response = seen.as_ref().map_or_else(Arc::default, |seen| Arc::clone(&seen.response));
     let view =
         View { scene: &response, noise_seed: scan_noise(config.seed), scan: 1, viewpoint: 1 };
     let (hash, scan) =
-        sensors.with(|sensor| Ok((sensor.configure(settings)?, sensor.scan(&view)?)))?;
+        sensors.with(|sensor| Ok((sensor.configure(&start.settings)?, sensor.scan(&view)?)))?;
     let duration_s = config.motion.duration_s;
-    let recorded = recorded_from_scan(&scan, beams, view.viewpoint, duration_s);
-    if recorded.cloud.points.is_empty() {
-        return Err(Failure::run(
-            "detection: no beam returned an echo (is the sensor inside something, or too weak?)",
-        ));
-    }
+    let recorded = recorded_from_scan(&scan, &beams, view.viewpoint, duration_s);
+    let recorded = with_points(recorded, || "detection".into())?;
     if let Some(output) = output {
         output.write(&recorded)?;
     }
-    let (seen, beams) = (seen.clone(), beams.pattern().beams());
-    let scan = Scan { sensor: ready.sensor, seen, settings: hash, beams, recorded };
+    let beams = beams.pattern().beams();
+    let scan = Scan { sensor: name, seen, settings: hash, beams, recorded };
     tell(output, &args.setup.common, &told(args, &scan)?)
 }
 
-/// The first recorded scan that is tuned on, and where its beams point.
+/// The first recorded scan of the training pairs, and its beams.
 fn recorded(args: &ScanArgs, config: &RunConfig) -> Result<(Option<Seen>, Beams), Failure> {
     if args.pose.is_some() || args.setup.sensor.is_turned_by_others() {
         let said = "recorded scans are seen from where they were made, by a sensor of ours alone";
@@ -138,7 +137,7 @@ fn recorded(args: &ScanArgs, config: &RunConfig) -> Result<(Option<Seen>, Beams)
     Ok((seen, dataset.beams))
 }
 
-/// What a sensor is to look at, when that is for us to say.
+/// The view that the sensor is given; none of a sensor that somebody else points.
 fn seen(args: &ScanArgs, config: &RunConfig, beams: &Beams) -> Result<Option<Seen>, Failure> {
     if args.setup.sensor.is_turned_by_others() {
         return match args.pose {
@@ -173,69 +172,24 @@ fn pose(numbers: &[f64]) -> Result<Pose, Failure> {
     Ok(Pose::from_parts(Translation3::new(x, y, z), rotation))
 }
 
-/// Where a first pair begins; where no pair fits, a place for one sensor.
+/// The viewpoint of a first pair; where no pair fits, a place for one sensor.
 fn first_viewpoint(
     config: &RunConfig,
     place: &Place,
     town: u64,
     quiet: bool,
 ) -> Result<Pose, Failure> {
-    let plan = pair_plan(config, Split::Train, 1, town);
     let progress = Progress::new(quiet);
     progress.begin("viewpoint", 2000);
-    let pose = viewpoint(config, place, &plan, &progress);
-    progress.end();
-    pose
-}
-
-/// Where the first scan of the first pair is made; where no pair fits, somewhere else.
-fn viewpoint(
-    config: &RunConfig,
-    place: &Place,
-    plan: &PairPlan,
-    progress: &Progress,
-) -> Result<Pose, Failure> {
-    let Place { scene, caster, .. } = place;
-    let heard = |_, tried| progress.at(tried as u64);
-    let sight = sight(place, &config.scanner.beams());
-    let first = match poses(config, place, &sight, plan, &heard) {
-        Ok(pairs) => pairs.first().map(|pair| pair.poses.world_from_first),
-        Err(DatasetError::Viewpoints { source: ViewpointError::NoViewpoint { .. }, .. }) => None,
-        Err(error) => return Err(error.into()),
-    };
-    let pose = first.map_or_else(|| alone(place, plan, progress), Ok)?;
-    if stands_aloft(scene, caster, &pose) {
-        progress.say(
-            "the sensor stands on something else than ground (a crown, a roof?); --pose puts it \
-             elsewhere",
-        );
+    let found = single_viewpoint(config, place, town, &|tried| progress.at(tried as u64));
+    if let Ok((_, remarks)) = &found {
+        remarks.iter().for_each(|remark| progress.say(remark));
     }
-    Ok(pose)
+    progress.end();
+    Ok(found?.0)
 }
 
-fn alone(place: &Place, plan: &PairPlan, progress: &Progress) -> Result<Pose, Failure> {
-    let Place { scene, caster, .. } = place;
-    let Standpoint { world_from_sensor, footing, sees_enough } =
-        stand_alone(scene, caster, plan).map_err(|source| nowhere(scene, source))?;
-    let on = match footing {
-        Footing::Open => "on open ground",
-        Footing::Covered => "on the ground, below something",
-        Footing::Aloft => "on what lies on top",
-    };
-    progress.say(&format!(
-        "{}: no place for two sensors {} m apart; one stands {on}{}",
-        scene.name,
-        plan.baseline_m,
-        if sees_enough { "" } else { ", with little to see" }
-    ));
-    Ok(world_from_sensor)
-}
-
-fn nowhere(scene: &Scene, source: ViewpointError) -> Failure {
-    DatasetError::Viewpoints { scene: scene.name.clone(), source }.into()
-}
-
-/// What is printed: a document, or lines.
+/// The output: a document, or lines.
 fn told(args: &ScanArgs, scan: &Scan) -> Result<String, Failure> {
     let points = &scan.recorded.cloud.points;
     let ranges: Vec<f64> = points.iter().map(|p| f64::from(p.coords.norm())).collect();

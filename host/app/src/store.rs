@@ -8,7 +8,7 @@ use serde_json::json;
 use super::common::{Setup, on_threads};
 use super::exit::{self, Failure};
 use super::method_choice::MethodChoice;
-use super::prepared::Prepared;
+use super::prepared::prepare;
 use super::progress::Progress;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::dataset::{Facts, stored};
@@ -34,7 +34,7 @@ pub(super) fn run(args: &StoreArgs) -> Result<(), Failure> {
 
 fn store(args: &StoreArgs, config: RunConfig, output: &Output) -> Result<(), Failure> {
     let progress = Progress::new(args.setup.common.quiet);
-    let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
+    let prepared = prepare(config, &args.setup.sensor, &progress)?;
     progress.end();
     let (config, dataset) = (&prepared.config, &prepared.dataset);
     let bytes = stored(config, dataset).map_err(Failure::usage)?;
@@ -43,7 +43,7 @@ fn store(args: &StoreArgs, config: RunConfig, output: &Output) -> Result<(), Fai
     if args.setup.common.json {
         let document =
             json!({ "format": 1, "file": file.to_string(), "bytes": bytes.len(), "set": facts });
-        return exit::print(&exit::json(&document)?);
+        return exit::print_json(&document);
     }
     let size = match bytes.len() as f64 / 1e3 {
         kilobytes if kilobytes < 100.0 => format!("{kilobytes:.1} kB"),

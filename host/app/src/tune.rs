@@ -1,46 +1,37 @@
 //! `echoloop tune`.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use clap::Args;
-use echoloop_dsp::ScanPattern;
 use echoloop_parameters::{Bounds, Kind};
 
 use super::axis_flags::AxisFlags;
-use super::candidate::candidate_values;
-use super::common::{Setup, on_threads};
+use super::common::{Setup, TableFormat, on_threads};
 use super::exit::{self, Failure, print};
-use super::figures::print_table;
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::{MethodChoice, toml_name};
 use super::number::{flag, number_of, read};
-use super::prepared::{Met, Prepared, percent, require_recall};
+use super::prepared::{meet, percent, require_recall, traced};
 use super::progress::Progress;
 use super::report::write_page;
-use super::shown_pair::write_clouds;
-use super::table_format::{TableFormat, csv};
-use super::tuned_run::tuned_values;
-use echoloop_closed_loop::config::preset::{
-    LidarPreset, Objective, PowerRange, Preset, Protocol, Strategy,
-};
+use echoloop_closed_loop::config::preset::{LidarPreset, Objective, Preset, Protocol, Strategy};
 use echoloop_closed_loop::config::{Override, RunConfig, default_runs_folder, key, load};
 use echoloop_closed_loop::cost::CostKind;
-use echoloop_closed_loop::evaluation::compare::Comparison;
-use echoloop_closed_loop::evaluation::summary::Summary;
-use echoloop_closed_loop::front::{Front, FrontSearch};
-use echoloop_closed_loop::parameters::Parameters;
+use echoloop_closed_loop::parameters::read_candidate;
+use echoloop_closed_loop::prepared::{Preparation, Prepared};
 use echoloop_closed_loop::run_folder::files::FileError;
-use echoloop_closed_loop::run_folder::journal::{Generation, Journal};
+use echoloop_closed_loop::run_folder::journal::Journal;
 use echoloop_closed_loop::run_folder::provenance::About;
 use echoloop_closed_loop::run_folder::run::{
-    AxisRecord, Background, CONFIG, FRONT, HISTORY, REPORT, RESULT, RunFolder, RunResult,
-    StageRecord,
+    CONFIG, FRONT, HISTORY, REPORT, RESULT, RunFolder, RunResult,
 };
-use echoloop_closed_loop::search::{Stage, TuneError, TuneSearch, Tuned};
+use echoloop_closed_loop::run_folder::tuned_run::tuned_values;
+use echoloop_closed_loop::search::TuneError;
+use echoloop_closed_loop::tuning::{result, run_name, search_and_judge, search_front, write_run};
 use echoloop_files::say;
-use echoloop_report::finished_runs::judged;
-use echoloop_sensors::pattern::{described, size};
+use echoloop_report::finished_runs::{judged, result_text};
+use echoloop_report::pair_errors_csv;
 
 /// Flags of `tune`.
 #[derive(Clone, Debug, Args)]
@@ -49,22 +40,22 @@ pub(crate) struct TuneArgs {
     setup: Setup,
     #[command(flatten)]
     method: MethodChoice,
-    /// How to search.
+    /// Search strategy.
     #[arg(long)]
     strategy: Option<Strategy>,
-    /// What is made small.
+    /// Objective of the search.
     #[arg(long)]
     objective: Option<Objective>,
-    /// Make this cost of a scan small instead, at an error as by --at-most-error.
+    /// Minimise this cost of a scan instead, within the error of --at-most-error.
     #[arg(long, value_name = "COST")]
     minimise: Option<CostKind>,
-    /// With --minimise: so many times the start's error, 1 to 100 [default: 1.2x].
+    /// With --minimise: greatest error, as a multiple of the start's, 1 to 100 [default: 1.2x].
     #[arg(long, value_name = "TIMES", value_parser = times)]
     at_most_error: Option<f64>,
-    /// What is tuned.
+    /// Parameters that are tuned.
     #[arg(long)]
     protocol: Option<Protocol>,
-    /// Which of the sensor's parameters are tuned.
+    /// Parameters of the sensor that are tuned.
     #[arg(long)]
     lidar: Option<LidarPreset>,
     #[command(flatten)]
@@ -78,9 +69,9 @@ pub(crate) struct TuneArgs {
     /// Candidates a generation; 0: as many as there are parameters.
     #[arg(long, value_name = "N", value_parser = number_of::<u32>("tune.population"))]
     population: Option<u32>,
-    /// Where the search may begin, too: at what a run tuned, or at the parameters of a JSON file as
-    /// `evaluate --candidate` has them; - is standard input. It begins at the best on the training
-    /// pairs. May be given again.
+    /// Further start of the search: the parameters that a run tuned, or those of a JSON file as
+    /// `evaluate --candidate` has them; - is standard input. The search begins at the best on the
+    /// training pairs. May be repeated.
     #[arg(long, value_name = "RUN|FILE")]
     warm_start: Vec<PathBuf>,
     /// Then search for a front of error against a cost of a scan [default cost: energy].
@@ -126,7 +117,7 @@ fn times(text: &str) -> Result<f64, String> {
 impl TuneArgs {
     fn config(&self) -> Result<RunConfig, Failure> {
         if let Some(run) = &self.resume {
-            let config = load(Some(&run.join(CONFIG)), &[]).map_err(Failure::usage)?;
+            let config = load(Some(&run.join(CONFIG)), &[])?;
             return self.extended(config);
         }
         let mut own = self.method.overrides();
@@ -157,19 +148,19 @@ impl TuneArgs {
         }
     }
 
-    /// What `--warm-start` names, each as a table.
+    /// The candidates of `--warm-start`, each as a table.
     fn warm_starts(&self) -> Result<Vec<toml::Value>, Failure> {
         if self.warm_start.iter().filter(|path| path.as_os_str() == "-").count() > 1 {
             return Err(Failure::usage("--warm-start -: standard input can be read once"));
         }
         let table = |path: &PathBuf| {
-            let values = if path.is_dir() { tuned_values(path) } else { candidate_values(path) }?;
+            let values = if path.is_dir() { tuned_values(path)? } else { read_candidate(path)? };
             toml::Value::try_from(values).map_err(Failure::run)
         };
         self.warm_start.iter().map(table).collect()
     }
 
-    /// A run's configuration with more generations, where they are asked for.
+    /// The run's configuration, with more generations where they are asked for.
     fn extended(&self, mut config: RunConfig) -> Result<RunConfig, Failure> {
         let Some(asked) = self.generations else { return Ok(config) };
         let had = config.tune.last_generations();
@@ -199,7 +190,7 @@ fn tune(
     resumed: Option<RunFolder>,
     stop: &AtomicBool,
 ) -> Result<(), Failure> {
-    // Asked once: a journal that goes away while the scenes are traced is missed later.
+    // Looked up once: a journal that is removed while the scenes are traced is an error later.
     let begun = resumed.as_ref().map(|folder| folder.file(HISTORY)).filter(|path| path.exists());
     if let Some(journal) = &begun {
         Journal::check(journal, args.repair)?;
@@ -210,9 +201,9 @@ fn tune(
     if resumed.is_none() {
         RunFolder::check(&runs)?;
     }
-    // What cannot run leaves no folder, and `latest` where it was.
-    let met = Met::new(config, &args.setup.sensor, &progress)?.for_a_search()?;
-    let prepared = met.traced_for_a_search(&progress)?;
+    // A run that cannot begin leaves no folder, and `latest` where it was.
+    let met = meet(config, &args.setup.sensor, &progress)?.for_a_search()?;
+    let prepared = traced(met, Preparation::traced_for_a_search, &progress)?;
     let folder = resumed.map_or_else(|| new_folder(&runs, &prepared.config), Ok)?;
     let search = prepared.search(stop);
     let (mut journal, done) = match &begun {
@@ -228,7 +219,7 @@ fn tune(
     }
     progress.begin("tuning", search.registrations() as u64);
     let outcome = search_and_judge(&search, &mut journal, done, &progress).and_then(|judged| {
-        let front = front(&prepared, &search, &judged, &folder, (args.repair, &progress))?;
+        let front = search_front(&search, &judged, &folder, args.repair, &progress)?;
         Ok((judged, front))
     });
     progress.end();
@@ -240,29 +231,16 @@ fn tune(
         ));
     }
     let ((tuned, judged), front) = outcome?;
-    let result = RunResult { front, ..result(&prepared, &tuned, judged) };
-    let result = RunResult { background: Some(background(&search, &tuned)), ..result };
-    write_run(&folder, &prepared, &tuned, &result)?;
+    let result = RunResult { front, ..result(&search, &tuned, judged) };
+    write_run(&folder, &prepared, &tuned.parameters, &result)?;
+    write_page(&folder)?;
     finish(args, &folder, &prepared, &result)
 }
 
-/// Writes what came out of a run into its folder.
-pub(super) fn write_run(
-    folder: &RunFolder,
-    prepared: &Prepared,
-    tuned: &Tuned,
-    result: &RunResult,
-) -> Result<(), Failure> {
-    folder.write_tuned(&tuned.parameters.as_start_of(&prepared.config))?;
-    folder.write_result(result)?;
-    write_clouds(folder, prepared, &tuned.parameters, result)?;
-    write_page(folder)
-}
-
-/// Notes in the folder that its run goes on beyond its end. A front begins at the tuned parameters,
-/// which will be others: its search begins anew.
+/// Records in the folder that its run has more generations. The front's search begins anew, for it
+/// begins at the tuned parameters, which will be others.
 fn extend(folder: &RunFolder, config: &RunConfig) -> Result<(), Failure> {
-    let was = load(Some(&folder.file(CONFIG)), &[]).map_err(Failure::usage)?;
+    let was = load(Some(&folder.file(CONFIG)), &[])?;
     if was.tune.extended_to != config.tune.extended_to {
         folder.put_aside(FRONT)?;
         folder.write_config(config)?;
@@ -278,134 +256,7 @@ fn new_folder(runs: &Path, config: &RunConfig) -> Result<RunFolder, FileError> {
     Ok(folder)
 }
 
-/// The plain method, the start and the choice on the held-out pairs.
-pub(super) struct Judged {
-    pub(super) plain: Option<Summary>,
-    pub(super) before: Summary,
-    pub(super) after: Summary,
-}
-
-/// The search, then the judgement.
-fn search_and_judge(
-    search: &TuneSearch<'_>,
-    journal: &mut Journal,
-    done: Vec<Generation>,
-    progress: &Progress,
-) -> Result<(Tuned, Judged), TuneError> {
-    let tuned = search.run(journal, done, progress)?;
-    if let Some(stop) = tuned.nothing_found {
-        return Err(TuneError::NothingFound { registrations: tuned.registrations, stop });
-    }
-    let start = search.start;
-    let plain = start.registration.plain().map(|registration| Parameters { registration, ..start });
-    // A search that kept its start has nothing more to be judged.
-    let is_start = tuned.parameters == start;
-    let judgements = 1 + usize::from(plain.is_some()) + usize::from(!is_start);
-    progress.begin("judging", (judgements * search.bench.dataset.test.len()) as u64);
-    let plain = plain.map(|plain| search.judge(&plain, progress)).transpose()?;
-    let before = search.judge(&start, progress)?;
-    let after = match is_start {
-        true => before.clone(),
-        false => search.judge(&tuned.parameters, progress)?,
-    };
-    let judged = Judged { plain, before, after };
-    match search.stop.load(Ordering::Relaxed) {
-        true => Err(TuneError::Interrupted { generations: tuned.generations.len() }),
-        false => Ok((tuned, judged)),
-    }
-}
-
-/// The front, where one is asked for, with a journal of its own.
-fn front(
-    prepared: &Prepared,
-    search: &TuneSearch<'_>,
-    (tuned, judged): &(Tuned, Judged),
-    folder: &RunFolder,
-    (repair, progress): (bool, &Progress),
-) -> Result<Option<Front>, TuneError> {
-    let Some(cost) = prepared.config.front.cost else { return Ok(None) };
-    let is_bounded = prepared.config.tune.axes.of("lidar.power").is_some();
-    let space = match cost {
-        CostKind::Energy if !is_bounded => search.space.clone().with_power(PowerRange::Whole),
-        _ => search.space.clone(),
-    };
-    let judged = [&judged.before, &judged.after];
-    let of_front = FrontSearch { search, space, tuned: tuned.parameters, judged, cost };
-    let (path, header) = (folder.file(FRONT), of_front.header());
-    let (mut journal, done) = match path.exists() {
-        true => Journal::resume(&path, &header, repair)?,
-        false => (Journal::create(&path, &header)?, Vec::new()),
-    };
-    let each = of_front.registrations() / prepared.config.front.generations.max(1) as usize;
-    progress.begin("front", of_front.registrations().saturating_sub(each * done.len()) as u64);
-    let front = of_front.run(&mut journal, done, progress)?;
-    Ok(Some(front))
-}
-
-/// Characters of a mesh's name in that of its run: a folder's may have 255 bytes.
-const MOST_OF_SCENE: usize = 40;
-
-fn run_name(config: &RunConfig) -> String {
-    let source = Path::new(&config.scene.source);
-    let scene = source
-        .file_stem()
-        .map_or_else(|| config.scene.source.clone(), |s| s.to_string_lossy().into_owned());
-    let scene: String = scene.chars().filter(|c| !c.is_control()).take(MOST_OF_SCENE).collect();
-    let method = config.registration.method.name();
-    format!("{scene}-{method}-{}", config.tune.protocol.name())
-}
-
-/// What came out of a run, but for its front and what its page tells besides.
-pub(super) fn result(prepared: &Prepared, tuned: &Tuned, judged: Judged) -> RunResult {
-    RunResult {
-        format: 1,
-        protocol: prepared.config.tune.protocol.name().into(),
-        method: prepared.config.registration.name(),
-        scene: prepared.config.scene.source.clone(),
-        seed: prepared.config.seed,
-        generations: tuned.generations.len(),
-        registrations: tuned.registrations,
-        origin: tuned.origin.clone(),
-        default: prepared.start.values(&prepared.config),
-        tuned: tuned.parameters.values(&prepared.config),
-        finalists: tuned.finalists.clone(),
-        check: tuned.check,
-        comparison: Comparison::new(
-            &judged.before.errors,
-            &judged.after.errors,
-            prepared.config.tune.error_cap,
-        ),
-        plain_summary: judged.plain,
-        default_summary: judged.before,
-        tuned_summary: judged.after,
-        front: None,
-        background: None,
-    }
-}
-
-/// What the page tells of the search besides its result.
-pub(super) fn background(search: &TuneSearch<'_>, tuned: &Tuned) -> Background {
-    let (dataset, axes) = (search.bench.dataset, search.space.axes());
-    let pattern = dataset.beams.pattern();
-    let stages = search.stages();
-    let last = stages.last().map(|stage| stage.axes.clone()).unwrap_or_default();
-    let was_made = |stage: &&Stage| tuned.generations.iter().any(|g| g.stage == stage.name);
-    Background {
-        triangles: dataset.triangles,
-        beams: match pattern {
-            ScanPattern::Grid(_) => size(pattern),
-            _ => described(pattern),
-        },
-        places: dataset.test.iter().map(|pair| pair.place.clone()).collect(),
-        stages: stages.iter().filter(was_made).map(StageRecord::from).collect(),
-        axes: axes.iter().map(AxisRecord::from).collect(),
-        correlated: last.iter().map(|&axis| axes[axis].name.to_owned()).collect(),
-        correlations: tuned.correlations.clone(),
-        covariance_learned: tuned.covariance_learned,
-    }
-}
-
-/// Says what came out, and where it is.
+/// Prints the result and where it is.
 fn finish(
     args: &TuneArgs,
     folder: &RunFolder,
@@ -415,34 +266,16 @@ fn finish(
     if let Some(TableFormat::Csv) = args.format {
         let sets: Vec<_> = judged(result).collect();
         let sets = sets.iter().map(|(_, name, summary)| (name.as_str(), *summary));
-        print(&csv(sets)?)?;
+        print(&pair_errors_csv(sets).map_err(Failure::run)?)?;
     } else if args.setup.common.json {
-        print(&exit::json(result)?)?;
+        exit::print_json(result)?;
     } else {
-        print_table(&prepared.config, result, &prepared.search(&AtomicBool::new(false)).space);
-        println!(
-            "\nreport  {}\nresult  {}",
+        print(&result_text(&prepared.config, result, &prepared.space))?;
+        print(&format!(
+            "\nreport  {}\nresult  {}\n",
             folder.file(REPORT).display(),
             folder.file(RESULT).display()
-        );
+        ))?;
     }
     require_recall(args.require_recall, &result.tuned_summary)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_run_has_a_name_that_a_folder_can_have() {
-        let name = |source: &str| {
-            let mut config = RunConfig::default();
-            config.scene.source = source.to_owned();
-            run_name(&config)
-        };
-        assert_eq!(name("structured"), "structured-icp-joint");
-        assert_eq!(name("a/yard.obj"), "yard-icp-joint");
-        assert_eq!(name("a\u{1b}b.ply"), "ab-icp-joint");
-        assert!(name(&format!("{}.ply", "\u{1f332}".repeat(60))).len() < 240);
-    }
 }

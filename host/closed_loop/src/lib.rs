@@ -8,6 +8,9 @@
 //!    and writes each generation to a [`run_folder::journal::Journal`].
 //! 5. [`search::TuneSearch::judge`] evaluates parameters on pairs that no search saw.
 //!
+//! [`prepared`] does steps 2 to 4 for a configuration and a sensor, [`tuning`] step 5 and the files
+//! of a run.
+//!
 //! A new parameter of the sensor is a row of `firmware/dsp/src/settings/parameters.rs`, one of a
 //! method a row of `host/registration/src/config/table.rs`; both then are axes of the cube. A new
 //! key of a configuration is a row of its section in [`config`];
@@ -59,9 +62,13 @@ pub mod config;
 pub mod cost;
 pub mod dataset;
 pub mod evaluation;
+pub mod external_search;
 pub mod front;
 pub mod parameters;
+pub mod prepared;
 pub mod run_folder;
+pub mod scan_folder;
 pub mod search;
 pub mod seed;
+pub mod tuning;
 pub mod written;

@@ -6,6 +6,7 @@
 //! there whatever the chart's size; here everything scales, so widths are given in the drawing's
 //! own units.
 
+use std::path::Path;
 use std::sync::{Arc, LazyLock};
 
 use resvg::tiny_skia::{Pixmap, Transform};
@@ -14,6 +15,9 @@ use resvg::usvg::{Options, Tree};
 
 use super::plot::FINE;
 use super::theme::CLASSES;
+use echoloop_closed_loop::run_folder::files::{
+    FileError, PART, beside, is_free_for_a_file, make_folders, replace,
+};
 
 /// A chart that stands alone.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,6 +39,27 @@ const STYLE: &str = include_str!("report.css");
 /// a machine without fonts draws the same picture.
 const FONT: &[u8] = include_bytes!("font/dejavu-sans-subset.ttf");
 const FONT_NAME: &str = "DejaVu Sans";
+
+/// Writes figures as SVG and as PNG into a folder, which is made where there is none. Nothing is
+/// written where anything but a file is in the way of one.
+///
+/// # Errors
+///
+/// [`FileError`].
+pub fn write_figures(figures: &[Figure], folder: &Path) -> Result<(), FileError> {
+    let places = |name: &str| ["svg", "png"].map(|ending| folder.join(format!("{name}.{ending}")));
+    for path in figures.iter().flat_map(|figure| places(&figure.name)) {
+        is_free_for_a_file(&path)?;
+        is_free_for_a_file(&beside(&path, PART))?;
+    }
+    make_folders(folder)?;
+    for Figure { name, svg, png } in figures {
+        let [drawing, picture] = places(name);
+        replace(&drawing, svg.as_bytes())?;
+        replace(&picture, png)?;
+    }
+    Ok(())
+}
 
 /// Every chart of a page, in its order.
 ///

@@ -39,7 +39,9 @@ mod series;
 mod shares;
 mod sheet;
 mod strips;
+mod survey;
 mod tables;
+mod text_table;
 mod theme;
 mod trajectories;
 
@@ -52,7 +54,7 @@ pub use data::{
     Report, RowKind, Slice,
 };
 pub use error::ReportError;
-pub use figure::Figure;
+pub use figure::{Figure, write_figures};
 pub use format::{fixed, grouped, significant};
 pub use overlay::Overlay;
 pub use picture::picture_png;
@@ -63,7 +65,9 @@ pub use scene::{ScenePage, ShownPair};
 pub use series::Series;
 pub use shares::{ShareCurve, Shares};
 pub use strips::{StripRow, Strips};
+pub use survey::{STILL_PX, SceneReport};
 pub use tables::{FigureCell, FigureRow, FigureTable, TablesPage};
+pub use text_table::{aligned, pair_errors_csv};
 
 impl Report {
     /// The page, complete.

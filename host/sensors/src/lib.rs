@@ -33,3 +33,4 @@ pub mod sensor;
 pub mod serve;
 pub mod size;
 pub mod transport;
+pub mod wording;

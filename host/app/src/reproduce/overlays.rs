@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::super::choice::SensorChoice;
 use super::super::exit::Failure;
-use super::super::prepared::Met;
+use super::super::prepared::meet;
 use super::super::progress::Progress;
 use echoloop_closed_loop::config::{RunConfig, load};
 use echoloop_closed_loop::dataset::{Dataset, ScanPair};
@@ -51,7 +51,7 @@ fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<(SeenPair, U
     let Some(dataset) = Dataset::held_out(&config, index)? else {
         return Err(Failure::usage(format_args!("there is no pair {index}")));
     };
-    let met = Met::new(config, &SensorChoice::in_process(), &Progress::new(true))?;
+    let met = meet(config, &SensorChoice::in_process(), &Progress::new(true))?;
     let hardware = met.hardware;
     let prepared = met.with(dataset);
     let noise = derive(prepared.config.seed, Purpose::TestNoise, index as u64);

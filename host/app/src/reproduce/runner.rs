@@ -9,9 +9,9 @@ use indicatif::HumanDuration;
 use super::super::choice::SensorChoice;
 use super::super::exit::Failure;
 use super::super::interrupt::INTERRUPTED;
-use super::super::prepared::{Met, Prepared, traced};
+use super::super::prepared::{all_pairs, meet};
 use super::super::progress::Progress;
-use super::super::tune::{Judged, background, result, write_run};
+use super::super::report::write_page;
 use echoloop_closed_loop::checksum::Checksum;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::config::preset::Protocol;
@@ -19,10 +19,12 @@ use echoloop_closed_loop::dataset::Dataset;
 use echoloop_closed_loop::dataset::fingerprint::{Content, build};
 use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::parameters::Parameters;
+use echoloop_closed_loop::prepared::{Preparation, Prepared};
 use echoloop_closed_loop::run_folder::journal::{Generation, Journal};
 use echoloop_closed_loop::run_folder::provenance::About;
-use echoloop_closed_loop::run_folder::run::{HISTORY, RunFolder, RunResult};
+use echoloop_closed_loop::run_folder::run::{HISTORY, RunFolder};
 use echoloop_closed_loop::search::{Observer, Origin, TuneSearch, Tuned};
+use echoloop_closed_loop::tuning::{Judged, result, write_run};
 use echoloop_study::{Base, Cell, Folder, Record, Times, Took, TrainedIn};
 
 /// Most returns of all scans kept; beyond it the oldest scans are dropped.
@@ -118,10 +120,10 @@ impl<'a> Runner<'a> {
         met.map_or(0, |met| met.registrations() + met.config.data.test_pairs)
     }
 
-    fn met(&self, cell: &Cell) -> Result<Met, Failure> {
+    fn met(&self, cell: &Cell) -> Result<Preparation, Failure> {
         let config = cell.config(self.base).map_err(Failure::usage)?;
-        let met = Met::new(config, &SensorChoice::in_process(), &Progress::new(true))?;
-        if cell.is_searched() { met.for_a_search() } else { Ok(met) }
+        let met = meet(config, &SensorChoice::in_process(), &Progress::new(true))?;
+        Ok(if cell.is_searched() { met.for_a_search()? } else { met })
     }
 
     /// Sensor, scans and search of a cell.
@@ -202,9 +204,9 @@ impl<'a> Runner<'a> {
         tuned: &Tuned,
         judged: Judged,
     ) -> Result<(), Failure> {
-        let background = Some(background(search, tuned));
-        let result = RunResult { background, ..result(prepared, tuned, judged) };
-        write_run(run, prepared, tuned, &result)
+        let result = result(search, tuned, judged);
+        write_run(run, prepared, &tuned.parameters, &result)?;
+        write_page(run)
     }
 
     /// Pairs of a cell; of one trained elsewhere the held-out pairs alone are its own.
@@ -225,7 +227,7 @@ impl<'a> Runner<'a> {
         if let Some((_, dataset)) = self.kept.iter().find(|(kept, _)| *kept == key) {
             return Ok(dataset.clone());
         }
-        let dataset = traced(Dataset::build_with_check, config, self.progress)?;
+        let dataset = all_pairs(config, self.progress)?;
         self.kept.push((key, dataset.clone()));
         while self.kept.len() > 1 && returns(&self.kept) > MOST_RETURNS {
             self.kept.remove(0);

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use super::super::exit::Failure;
-use super::super::table_format::aligned;
 use echoloop_closed_loop::config::preset::Protocol;
+use echoloop_report::aligned;
 use echoloop_study::{
     Cell, FIGURES, Paired, Part, RealRow, Row, Sheet, Table, name_of, real_lines, remarks, search,
     subtitle,

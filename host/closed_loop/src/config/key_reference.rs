@@ -67,6 +67,43 @@ impl fmt::Display for OtherDefault {
     }
 }
 
+/// The key in lines: its default, bound, help, other defaults, and its value where that differs.
+impl fmt::Display for Explained {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let unit = if self.default.is_some() { self.unit } else { "" };
+        let head = format!("{} = {} {unit}", self.key, said(self.default.as_ref()));
+        writeln!(f, "{}", head.trim_end())?;
+        writeln!(f, "    {}\n    must be {}", self.help.replace('`', ""), self.must)?;
+        self.other_defaults.iter().try_for_each(|other| writeln!(f, "    {other}"))?;
+        match self.value == self.default {
+            true => Ok(()),
+            false => writeln!(f, "    now {}", said(self.value.as_ref())),
+        }
+    }
+}
+
+/// Rows of a key, a section, or a key's last name; all where nothing is asked for.
+///
+/// # Errors
+///
+/// The sections there are, when none has that name.
+pub fn selected(rows: Vec<Explained>, asked: &str) -> Result<Vec<Explained>, String> {
+    let asked = asked.trim_matches(['[', ']']);
+    let is_key = |row: &Explained| row.key == asked;
+    let in_section = |row: &Explained| {
+        asked.is_empty() || row.key.strip_prefix(asked).is_some_and(|rest| rest.starts_with('.'))
+    };
+    let is_named = |row: &Explained| row.key.rsplit('.').next() == Some(asked);
+    let kinds: [&dyn Fn(&Explained) -> bool; 3] = [&is_key, &in_section, &is_named];
+    if let Some(is_asked) = kinds.into_iter().find(|is_asked| rows.iter().any(is_asked)) {
+        return Ok(rows.iter().filter(|row| is_asked(row)).cloned().collect());
+    }
+    let mut sections: Vec<&str> =
+        rows.iter().filter_map(|row| Some(row.key.rsplit_once('.')?.0)).collect();
+    sections.dedup();
+    Err(sections.join(", "))
+}
+
 /// Values by key, without those that are left out.
 type ValuesByKey = BTreeMap<String, Value>;
 

@@ -33,6 +33,11 @@ impl CostKind {
         }
     }
 
+    /// Name in the configuration.
+    pub fn key(self) -> &'static str {
+        if self == Self::Seconds { "seconds" } else { self.name() }
+    }
+
     /// Title of a column.
     pub fn title(self) -> &'static str {
         match self {

@@ -11,6 +11,7 @@
 mod instructions;
 mod kind;
 mod processor;
+mod rate;
 mod record;
 
 use echoloop_dsp::hardware::SPEED_OF_LIGHT_M_S;
@@ -21,6 +22,7 @@ use serde::{Deserialize, Serialize};
 use echoloop_sensors::size::scan_bits;
 pub use kind::CostKind;
 pub use processor::Processor;
+pub use rate::{LineRate, ProcessorRate, Rate, RateOf};
 use record::near_mm;
 
 /// Cost of a scan.

@@ -6,6 +6,7 @@ mod held_out;
 mod motion;
 mod pairs;
 mod recording;
+mod single_viewpoint;
 pub mod source;
 mod store;
 pub mod survey;
@@ -31,6 +32,7 @@ pub use facts::{Facts, Overlaps, apart_m};
 use motion::Path as MotionPath;
 pub use pairs::{Dataset, ScanPair, viewpoints};
 pub use recording::RecordingError;
+pub use single_viewpoint::single_viewpoint;
 pub use store::{StoreError, stored, stored_config};
 
 /// Reason that there are no pairs.

@@ -4,8 +4,10 @@
 //! converts.
 
 mod axis;
+mod candidate;
 mod custom_axes;
 mod error;
+mod listing;
 mod ranges;
 mod repair;
 mod table;
@@ -24,12 +26,14 @@ use crate::config::preset::{LidarPreset, PowerRange, Preset, Protocol};
 use crate::cost::CostKind;
 
 pub use axis::{Axis, Scale};
+pub use candidate::{CandidateError, candidate_values, read_candidate};
 pub use error::ValueError;
+pub use listing::{parameter_json, parameter_table};
 pub use ranges::Ranges;
 pub use repair::{Limits, repair};
 pub use table::{Row, choices, table, tunable, tunable_rows};
 pub use theta_reg::{ThetaReg, axes};
-pub use written::{written, written_values};
+pub use written::{values_json, written, written_values};
 
 use table::{is_whole, lidar_axis, lidar_name};
 

@@ -1,6 +1,7 @@
 //! Parameters as documents have them, by name.
 
 use serde::Serializer;
+use serde_json::json;
 
 use super::Values;
 use super::table::is_whole;
@@ -18,6 +19,11 @@ pub fn written(name: &str, value: f64) -> Written {
 /// Those of the serializer.
 pub fn written_values<S: Serializer>(values: &Values, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(values.iter().map(|(name, &value)| (name, written(name, value))))
+}
+
+/// Parameters by name as JSON, as [`written_values`] writes them.
+pub fn values_json(values: &Values) -> serde_json::Value {
+    values.iter().map(|(name, &value)| (name.clone(), json!(written(name, value)))).collect()
 }
 
 #[cfg(test)]

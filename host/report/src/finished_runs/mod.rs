@@ -5,9 +5,11 @@
 
 mod chosen;
 mod compared;
+mod compared_text;
 mod folder;
 mod importance;
 mod page;
+mod result_text;
 mod runs_page;
 mod surrogate;
 
@@ -15,6 +17,7 @@ pub use compared::flatten;
 pub use compared::{Against, Compared, ComparedRun, compared};
 pub use folder::{FinishedRun, Known, RunError};
 pub use page::{costs, judged, page};
+pub use result_text::result_text;
 pub use runs_page::runs_page;
 
 #[cfg(test)]

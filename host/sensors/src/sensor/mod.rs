@@ -7,6 +7,7 @@
 
 mod board_log;
 mod boards;
+mod configured;
 mod pool;
 mod qemu;
 mod spec;

@@ -1,42 +1,49 @@
-//! The tables that a run ends with.
+//! Result of a run as text: default against tuned, costs, front, parameters.
 
+use std::fmt::Write as _;
+
+use super::page::{costs, judged};
+use crate::Costs;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::front::{Front, Mark};
 use echoloop_closed_loop::parameters::{self, Axis, Space, effective};
 use echoloop_closed_loop::run_folder::run::RunResult;
-use echoloop_report::Costs;
-use echoloop_report::finished_runs::{costs, judged};
 
-/// Default against tuned, and what was changed.
-pub(super) fn print_table(config: &RunConfig, result: &RunResult, space: &Space) {
+/// The tables that `tune` ends with.
+pub fn result_text(config: &RunConfig, result: &RunResult, space: &Space) -> String {
     let data = &config.data;
-    println!(
+    let mut text = format!(
         "\n{}: {} held-out pairs of other viewpoints of the same towns, {:.1} m apart; success \
-         within {} m and {}°\n",
+         within {} m and {}°\n\n",
         result.method,
         result.tuned_summary.pairs,
         data.baseline_m,
         data.success_translation_m,
         data.success_rotation_deg
     );
-    println!(
+    let _ = writeln!(
+        text,
         "{:<10} {:>9} {:>12} {:>11} {:>12} {:>12} {:>8}",
         "", "recall", "mean e_t", "mean e_R", "median e_t", "median e_R", "points"
     );
     for (_, name, summary) in judged(result) {
-        println!("{name:<10} {}", row(summary));
+        let _ = writeln!(text, "{name:<10} {}", row(summary));
     }
-    print_costs(&costs(result, config.tune.told_cost()));
-    result.check.iter().for_each(|check| println!("\nThe check: {check}."));
-    result.front.iter().for_each(print_front);
-    if space.axes().is_empty() {
-        return;
+    text += &costs_text(&costs(result, config.tune.told_cost()));
+    if let Some(check) = &result.check {
+        let _ = writeln!(text, "\nThe check: {check}.");
     }
-    println!("\n{}", parameters(result, space));
+    if let Some(front) = &result.front {
+        text += &front_text(front);
+    }
+    if !space.axes().is_empty() {
+        let _ = writeln!(text, "\n{}", parameters(result, space));
+    }
+    text
 }
 
-/// Every axis before and after, in as many digits as the result has.
+/// Every axis before and after, in the digits of the result.
 fn parameters(result: &RunResult, space: &Space) -> String {
     let rows: Vec<[String; 2]> = (space.axes().iter())
         .map(|axis| {
@@ -55,23 +62,21 @@ fn parameters(result: &RunResult, space: &Space) -> String {
     std::iter::once(head).chain(lines).collect::<Vec<_>>().join("\n")
 }
 
-/// What a scan costs before and after, and what that comes to.
-fn print_costs(costs: &Costs) {
+/// Costs of a scan before and after, and the verdict.
+fn costs_text(costs: &Costs) -> String {
     let line = |name: &str, cells: &[String]| {
         let cells: String = cells.iter().map(|cell| format!(" {cell:>24}")).collect();
-        println!("{name:<10}{cells}");
+        format!("{name:<10}{cells}\n")
     };
-    println!();
-    line("", &costs.heads);
-    costs.rows.iter().for_each(|(name, cells)| line(name, cells));
-    println!("{}", costs.verdict);
+    let rows: String = costs.rows.iter().map(|(name, cells)| line(name, cells)).collect();
+    format!("\n{}{rows}{}\n", line("", &costs.heads), costs.verdict)
 }
 
-/// The points of a front, and what they come to.
-fn print_front(front: &Front) {
-    println!(
+/// Points of a front, and the verdict.
+fn front_text(front: &Front) -> String {
+    let mut text = format!(
         "\nerror against {}: {} points, chosen on training pairs\n\n\
-         {:<10} {:>12} {:>9} {:>18} {:>9} {:>12}  against default",
+         {:<10} {:>12} {:>9} {:>18} {:>9} {:>12}  against default\n",
         front.cost.name(),
         front.points.len(),
         "",
@@ -81,13 +86,19 @@ fn print_front(front: &Front) {
         "recall",
         "median e_t"
     );
-    println!("{}", mark_row("default", front, &front.default, ""));
-    println!("{}", mark_row("tuned", front, &front.tuned, ""));
+    let ends = [("default", &front.default), ("tuned", &front.tuned)];
+    for (name, mark) in ends {
+        let _ = writeln!(text, "{}", mark_row(name, front, mark, ""));
+    }
     for (i, point) in (1..).zip(&front.points) {
         let against = point.comparison.error();
-        println!("{}", mark_row(&format!("point {i}"), front, &point.mark, against));
+        let row = mark_row(&format!("point {i}"), front, &point.mark, against);
+        let _ = writeln!(text, "{row}");
     }
-    println!("\nThe cheapest point that errs no more than the default: {}.", front.verdict());
+    text + &format!(
+        "\nThe cheapest point that errs no more than the default: {}.\n",
+        front.verdict()
+    )
 }
 
 fn mark_row(name: &str, front: &Front, mark: &Mark, against: &str) -> String {
@@ -104,7 +115,7 @@ fn mark_row(name: &str, front: &Front, mark: &Mark, against: &str) -> String {
     .to_owned()
 }
 
-/// A value as the table has it: a choice by name, a number so that it reads back as itself.
+/// A value: a choice by name, a number so that it reads back as itself.
 fn shown(name: &str, value: Option<f64>) -> String {
     let Some(value) = value else { return "–".into() };
     let choice = parameters::choices(name).get(value as usize);

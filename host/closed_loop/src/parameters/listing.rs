@@ -1,12 +1,11 @@
-//! Every parameter with range, default and unit: in the help, and for `config --parameters`.
+//! Table of every parameter: name, range, default, unit and where it acts.
 
-use echoloop_dsp::{Kind, Parameter};
 use echoloop_registration::Method;
 
-use echoloop_closed_loop::config::preset::Preset;
-use echoloop_closed_loop::parameters::{axes, written};
+use super::{axes, choices, written};
+use crate::config::preset::Preset;
 
-/// A row of the parameter table, in units.
+/// A parameter, its numbers in its unit.
 struct Row {
     name: String,
     unit: &'static str,
@@ -14,26 +13,23 @@ struct Row {
     max: f64,
     default: Option<f64>,
     acts_in: &'static str,
-    /// What a choice chooses from.
-    choices: Vec<&'static str>,
+    /// Names of a choice; empty for a number.
+    choices: &'static [&'static str],
 }
 
-/// The methods of a choice.
-pub(super) fn choices(parameter: &Parameter) -> Vec<&'static str> {
-    let Kind::Choice { names } = parameter.kind else { return Vec::new() };
-    names.to_vec()
-}
-
-/// Every parameter: the firmware's table, then the registration method's.
-fn parameter_rows(method: Method, preset: Preset) -> Vec<Row> {
-    let lidar = echoloop_dsp::PARAMETERS.iter().map(|p| Row {
-        name: format!("lidar.{}", p.name),
-        unit: p.unit,
-        min: p.to_unit(p.min),
-        max: p.to_unit(p.max),
-        default: p.default.map(|code| p.to_unit(code)),
-        acts_in: p.acts_in,
-        choices: choices(p),
+/// The firmware's parameters, then the method's.
+fn rows(method: Method, preset: Preset) -> Vec<Row> {
+    let lidar = echoloop_dsp::PARAMETERS.iter().map(|p| {
+        let name = format!("lidar.{}", p.name);
+        Row {
+            choices: choices(&name),
+            name,
+            unit: p.unit,
+            min: p.to_unit(p.min),
+            max: p.to_unit(p.max),
+            default: p.default.map(|code| p.to_unit(code)),
+            acts_in: p.acts_in,
+        }
     });
     let registration = axes(method, preset).into_iter().map(|a| Row {
         name: a.name.to_owned(),
@@ -42,18 +38,18 @@ fn parameter_rows(method: Method, preset: Preset) -> Vec<Row> {
         max: a.max,
         default: Some(a.default),
         acts_in: method.name(),
-        choices: Vec::new(),
+        choices: &[],
     });
     lidar.chain(registration).collect()
 }
 
-/// The parameter table as text: name, range, default, unit, where it acts.
-pub(super) fn parameter_table(method: Method, preset: Preset) -> String {
+/// The table as aligned text.
+pub fn parameter_table(method: Method, preset: Preset) -> String {
     let mut text = format!(
         "{:<34} {:>8} {:>8} {:>8}  {:<14} acts in\n",
         "parameter", "min", "max", "default", "unit"
     );
-    for Row { name, unit, min, max, default, acts_in, choices } in parameter_rows(method, preset) {
+    for Row { name, unit, min, max, default, acts_in, choices } in rows(method, preset) {
         if !choices.is_empty() {
             let chosen = default.and_then(|code| choices.get(code as usize)).unwrap_or(&"follows");
             text += &format!(
@@ -68,8 +64,8 @@ pub(super) fn parameter_table(method: Method, preset: Preset) -> String {
     text
 }
 
-/// The parameter table as JSON.
-pub(super) fn parameter_json(method: Method, preset: Preset) -> serde_json::Value {
+/// The table as JSON: an array of objects.
+pub fn parameter_json(method: Method, preset: Preset) -> serde_json::Value {
     let row = |Row { name, unit, min, max, default, acts_in, choices }: Row| {
         let [min, max, default] =
             [Some(min), Some(max), default].map(|value| Some(written(&name, value?)));
@@ -78,5 +74,5 @@ pub(super) fn parameter_json(method: Method, preset: Preset) -> serde_json::Valu
             "acts_in": acts_in, "choices": choices,
         })
     };
-    parameter_rows(method, preset).into_iter().map(row).collect::<Vec<_>>().into()
+    rows(method, preset).into_iter().map(row).collect::<Vec<_>>().into()
 }

@@ -1,18 +1,9 @@
-//! `--format csv`: a row for each pair.
+//! Tables as text: errors of pairs as CSV, rows in aligned columns.
 
-use clap::ValueEnum;
 use serde::Serialize;
 
-use super::exit::Failure;
 use echoloop_closed_loop::evaluation::objective::PairError;
 use echoloop_closed_loop::evaluation::summary::Summary;
-
-/// How tables are printed for programs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum TableFormat {
-    /// Comma-separated values with a header.
-    Csv,
-}
 
 #[derive(Serialize)]
 struct Row<'a> {
@@ -45,22 +36,31 @@ impl<'a> Row<'a> {
     }
 }
 
-/// Every pair of some sets, by their names; numbers as they are stored.
-pub(super) fn csv<'a>(
+/// CSV of named sets, a row for each pair; numbers read back as they are.
+///
+/// # Errors
+///
+/// [`csv::Error`].
+pub fn pair_errors_csv<'a>(
     sets: impl IntoIterator<Item = (&'a str, &'a Summary)>,
-) -> Result<String, Failure> {
+) -> Result<String, csv::Error> {
     let mut table = csv::Writer::from_writer(Vec::new());
     for (set, summary) in sets {
         for error in &summary.errors {
-            table.serialize(Row::new(set, error)).map_err(Failure::run)?;
+            table.serialize(Row::new(set, error))?;
         }
     }
-    let bytes = table.into_inner().map_err(Failure::run)?;
+    finished(table)
+}
+
+/// Text of a table that is written.
+pub(super) fn finished(table: csv::Writer<Vec<u8>>) -> Result<String, csv::Error> {
+    let bytes = table.into_inner().map_err(|error| error.into_error())?;
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Rows in columns, the first to the left, the others to the right.
-pub(super) fn aligned(rows: &[Vec<String>]) -> String {
+/// Rows in columns, the first aligned to the left, the others to the right.
+pub fn aligned(rows: &[Vec<String>]) -> String {
     let columns = rows.first().map_or(0, Vec::len);
     let width = |i: usize| rows.iter().map(|row| row[i].chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..columns).map(width).collect();

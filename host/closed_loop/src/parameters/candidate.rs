@@ -1,0 +1,81 @@
+//! Candidates of another program's search, as JSON.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use echoloop_files::{MOST_TEXT, read_text, shown, text_from};
+use serde::Deserialize;
+use serde_json::Value;
+use thiserror::Error;
+
+use super::{Values, choices};
+
+/// A file that holds no candidate.
+#[derive(Debug, Error)]
+pub enum CandidateError {
+    /// The file cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Reason.
+        source: io::Error,
+    },
+    /// Not JSON, an unknown member, or a value of the wrong type.
+    #[error("{}: {problem}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// Place and reason.
+        problem: String,
+    },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Candidate {
+    parameters: BTreeMap<String, Value>,
+}
+
+/// Reads a candidate, `{"parameters": {"lidar.power": 50, …}}`; `-` is standard input.
+///
+/// # Errors
+///
+/// [`CandidateError`] names the file.
+pub fn read_candidate(path: &Path) -> Result<Values, CandidateError> {
+    let is_stdin = path == Path::new("-");
+    let text =
+        if is_stdin { text_from(io::stdin(), MOST_TEXT) } else { read_text(path, MOST_TEXT) }
+            .map_err(|source| CandidateError::Read { path: path.to_owned(), source })?;
+    let malformed = |problem| CandidateError::Malformed { path: path.to_owned(), problem };
+    let candidate: Candidate =
+        serde_json::from_str(&text).map_err(|error| malformed(shown(&error.to_string())))?;
+    candidate_values(candidate.parameters).map_err(malformed)
+}
+
+/// Parameters of a candidate: numbers, and choices by name or number.
+///
+/// # Errors
+///
+/// Name, value and what was expected instead.
+pub fn candidate_values(given: BTreeMap<String, Value>) -> Result<Values, String> {
+    let value = |(name, given): (String, Value)| match number(&name, &given) {
+        Ok(value) => Ok((name, value)),
+        Err(problem) => Err(shown(&problem)),
+    };
+    given.into_iter().map(value).collect()
+}
+
+fn number(name: &str, given: &Value) -> Result<f64, String> {
+    let names = choices(name);
+    let index = names.iter().zip(0u32..).find(|(choice, _)| given.as_str() == Some(**choice));
+    match index {
+        Some((_, index)) => Ok(f64::from(index)),
+        None if given.is_number() => {
+            given.as_f64().ok_or_else(|| format!("{name} = {given} must be finite"))
+        }
+        None if names.is_empty() => Err(format!("{name} = {given} must be a number")),
+        None => Err(format!("{name} = {given} must be one of {}", names.join(", "))),
+    }
+}

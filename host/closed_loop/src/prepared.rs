@@ -1,0 +1,278 @@
+//! Preparation of a run: a sensor that takes the configured start, the axes, the traced pairs.
+//!
+//! [`Preparation::new`] asks the sensor, [`Preparation::traced`] traces the pairs, [`Prepared::search`] is the
+//! search of both.
+
+use std::sync::atomic::AtomicBool;
+
+use clap::ValueEnum;
+use echoloop_dsp::Hardware;
+use thiserror::Error;
+
+use crate::config::RunConfig;
+use crate::config::preset::Strategy;
+use crate::cost::CostKind;
+use crate::dataset::{Dataset, DatasetError};
+use crate::evaluation::objective::Bench;
+use crate::evaluation::summary::NoisyPairs;
+use crate::parameters::{Parameters, Space, ValueError};
+use crate::search::{Stage, TuneSearch, stages};
+use crate::seed::Purpose;
+use echoloop_sensors::sensor::{Model, SensorError, Sensors};
+
+/// A run that cannot begin.
+#[derive(Debug, Error)]
+pub enum PrepareError {
+    /// There is no sensor, or it is not as configured.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// The sensor's hardware or the search refuses a parameter.
+    #[error(transparent)]
+    Value(#[from] ValueError),
+    /// A warm start is refused.
+    #[error("tune.warm_starts, {number}: {source}")]
+    WarmStart {
+        /// Its number, from 1.
+        number: usize,
+        /// Reason.
+        source: ValueError,
+    },
+    /// A cost is to be made small, or drawn, that the search does not change.
+    #[error(
+        "{key} = {}: nothing that is searched changes it; expected {} among what is searched \
+         (--protocol, --tune)",
+        cost.key(),
+        changed_by(*cost)
+    )]
+    FixedCost {
+        /// The key.
+        key: &'static str,
+        /// The cost.
+        cost: CostKind,
+    },
+}
+
+fn changed_by(cost: CostKind) -> String {
+    match cost.changed_by() {
+        [] => "a parameter of the sensor".to_owned(),
+        some => some.join(" or "),
+    }
+}
+
+/// One of the two sets of pairs.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum PairSet {
+    /// Those that a search sees.
+    Train,
+    /// Those that it is judged on: other viewpoints of the same towns.
+    Test,
+}
+
+impl PairSet {
+    /// Name on the command line and in documents.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Train => "train",
+            Self::Test => "test",
+        }
+    }
+}
+
+/// Sensors that are as configured, and a start that they take.
+pub struct ConfiguredSensor {
+    /// The sensors.
+    pub sensors: Sensors,
+    /// Name and firmware, as in `serial:/dev/ttyACM0@115200, echoloop-sensor 0.1.0`.
+    pub name: String,
+    /// Hardware, as the sensor reports it.
+    pub hardware: Hardware,
+    /// Start of the configuration.
+    pub start: Parameters,
+}
+
+impl ConfiguredSensor {
+    /// Opens the first sensor and compares it with the configuration. `heard` gets its name before.
+    ///
+    /// # Errors
+    ///
+    /// [`PrepareError`].
+    pub fn new(
+        config: &RunConfig,
+        sensors: Sensors,
+        heard: &dyn Fn(&str),
+    ) -> Result<Self, PrepareError> {
+        let identity = sensors.identity()?;
+        let name = sensors.described(&identity);
+        heard(&name);
+        sensors.check(&identity, &Model::from(config))?;
+        let hardware = identity.hardware;
+        let start = Parameters::start(config, &hardware)?;
+        Ok(Self { sensors, name, hardware, start })
+    }
+}
+
+/// A sensor that was asked, and a start and axes that its hardware takes. Nothing is traced yet.
+pub struct Preparation {
+    /// The configuration.
+    pub config: RunConfig,
+    /// Start of the configuration.
+    pub start: Parameters,
+    /// Hardware, as the sensor reports it.
+    pub hardware: Hardware,
+    /// Other starts; none unless it is to be searched.
+    warm_starts: Vec<Parameters>,
+    space: Space,
+    sensors: Sensors,
+    sensor: String,
+}
+
+impl Preparation {
+    /// Asks the sensor and checks start and axes against its hardware. `heard` gets the sensor's
+    /// name.
+    ///
+    /// # Errors
+    ///
+    /// [`PrepareError`].
+    pub fn new(
+        config: RunConfig,
+        sensors: Sensors,
+        heard: &dyn Fn(&str),
+    ) -> Result<Self, PrepareError> {
+        let sensor = ConfiguredSensor::new(&config, sensors, heard)?;
+        let ConfiguredSensor { sensors, name: sensor, hardware, start } = sensor;
+        let space = space(&config, start, hardware)?;
+        Ok(Self { config, start, warm_starts: Vec::new(), space, hardware, sensors, sensor })
+    }
+
+    /// The same, to be searched: with the configuration's warm starts, which only a search takes.
+    ///
+    /// # Errors
+    ///
+    /// [`PrepareError::WarmStart`], [`PrepareError::FixedCost`].
+    pub fn for_a_search(self) -> Result<Self, PrepareError> {
+        let RunConfig { tune, front, .. } = &self.config;
+        for (key, cost) in [("tune.minimise", tune.minimise), ("front.cost", front.cost)] {
+            if let Some(cost) = cost.filter(|&cost| !self.space.changes(cost)) {
+                return Err(PrepareError::FixedCost { key, cost });
+            }
+        }
+        let taken = (1..).zip(&tune.warm_starts).map(|(number, values)| {
+            let start = self.space.warm_start(values, &self.config);
+            start.map_err(|source| PrepareError::WarmStart { number, source })
+        });
+        let warm_starts = taken.collect::<Result<_, _>>()?;
+        Ok(Self { warm_starts, ..self })
+    }
+
+    /// Traces the pairs: [`Dataset::build`].
+    ///
+    /// # Errors
+    ///
+    /// [`DatasetError`].
+    pub fn traced(self, progress: &dyn Fn(f64, &str)) -> Result<Prepared, DatasetError> {
+        let dataset = Dataset::build(&self.config, progress)?;
+        Ok(self.with(dataset))
+    }
+
+    /// Traces the pairs, with those of the check where a search has use for them.
+    ///
+    /// # Errors
+    ///
+    /// [`DatasetError`].
+    pub fn traced_for_a_search(
+        self,
+        progress: &dyn Fn(f64, &str),
+    ) -> Result<Prepared, DatasetError> {
+        if !TuneSearch::is_checked(&self.stages(), &self.config) {
+            return self.traced(progress);
+        }
+        let dataset = Dataset::build_with_check(&self.config, progress)?;
+        Ok(self.with(dataset))
+    }
+
+    /// Takes pairs that were traced before.
+    pub fn with(self, dataset: Dataset) -> Prepared {
+        let Self { config, start, warm_starts, space, hardware, sensors, sensor } = self;
+        Prepared { config, dataset, start, warm_starts, space, hardware, sensors, sensor }
+    }
+
+    /// About as many registrations as a search takes: those of its stages, and some at the end of
+    /// each.
+    pub fn registrations(&self) -> usize {
+        let (tune, pairs) = (&self.config.tune, self.config.data.train_pairs);
+        let stages = self.stages();
+        let raced = if tune.strategy == Strategy::Fast { tune.shortlist + 2 } else { 0 };
+        let of_stages: usize = stages.iter().map(Stage::registrations).sum();
+        let warm = if stages.is_empty() { 0 } else { self.warm_starts.len() };
+        let check = usize::from(TuneSearch::is_checked(&stages, &self.config))
+            * 2
+            * self.config.data.check_pairs;
+        of_stages + (stages.len() * raced + warm) * pairs + check
+    }
+
+    fn stages(&self) -> Vec<Stage> {
+        stages(&self.config.tune, &self.space, self.config.data.train_pairs)
+    }
+}
+
+/// Everything that an evaluation or a search needs.
+pub struct Prepared {
+    /// The configuration.
+    pub config: RunConfig,
+    /// The traced pairs.
+    pub dataset: Dataset,
+    /// Start of the configuration.
+    pub start: Parameters,
+    warm_starts: Vec<Parameters>,
+    /// Axes of a search of this configuration.
+    pub space: Space,
+    /// Hardware, as the sensor reports it.
+    pub hardware: Hardware,
+    /// The sensors.
+    pub sensors: Sensors,
+    /// Name and firmware of the first.
+    pub sensor: String,
+}
+
+impl Prepared {
+    /// Pairs and sensors.
+    pub fn bench(&self) -> Bench<'_> {
+        Bench { dataset: &self.dataset, sensors: &self.sensors }
+    }
+
+    /// A set of pairs with the noise that it always gets.
+    pub fn pairs(&self, which: PairSet) -> NoisyPairs<'_> {
+        let (pairs, purpose) = match which {
+            PairSet::Train => (&self.dataset.train, Purpose::ShortlistNoise),
+            PairSet::Test => (&self.dataset.test, Purpose::TestNoise),
+        };
+        NoisyPairs { pairs, seed: self.config.seed, purpose }
+    }
+
+    /// The search, which ends early once `stop` is set.
+    pub fn search<'a>(&'a self, stop: &'a AtomicBool) -> TuneSearch<'a> {
+        TuneSearch {
+            config: &self.config,
+            bench: self.bench(),
+            space: self.space.clone(),
+            start: self.start,
+            warm_starts: self.warm_starts.clone(),
+            stop,
+        }
+    }
+}
+
+/// Axes of a configuration, with those that the user chose.
+///
+/// # Errors
+///
+/// [`ValueError::Axis`].
+pub fn space(
+    config: &RunConfig,
+    start: Parameters,
+    hardware: Hardware,
+) -> Result<Space, ValueError> {
+    let (tune, preset) = (&config.tune, config.registration.preset);
+    let space = Space::new(tune.protocol, tune.lidar, preset, start, hardware);
+    space.with_own(&tune.axes)
+}
