@@ -11,23 +11,13 @@
 
 mod axis;
 mod chosen;
-mod clouds;
-mod convergence;
-mod correlation;
-mod cost;
-mod data;
 mod error;
-mod evaluation;
 mod figure;
 pub mod finished_runs;
 mod format;
-mod front;
-mod identity;
-mod importance;
 mod overlay;
 mod packed;
 mod page;
-mod pairs;
 mod picture;
 mod plates;
 mod plot;
@@ -35,18 +25,18 @@ mod response;
 mod ruler;
 mod runs;
 mod scene;
+mod sections;
 mod series;
 mod shares;
 mod sheet;
 mod strips;
 mod tables;
 mod theme;
-mod trajectories;
 
 pub use chosen::{ChosenLane, ChosenRange};
-pub use clouds::MAX_LAYER_POINTS;
-pub use correlation::Moved;
-pub use data::{
+pub use sections::clouds::MAX_LAYER_POINTS;
+pub use sections::correlation::Moved;
+pub use sections::{
     Bar, CloudLayer, Convergence, Correlation, Costs, Difference, EvaluationRow, EvaluationTable,
     Front, FrontDot, Identity, Importance, PairClouds, PairError, ParameterTrace, PoseError,
     Report, RowKind, Slice,

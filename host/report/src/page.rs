@@ -1,8 +1,8 @@
 //! The parts in order, with the style and the script they need.
 
-use super::data::Report;
+use super::sections::Report;
 use super::format::escape;
-use super::{
+use super::sections::{
     clouds, convergence, correlation, cost, evaluation, front, identity, importance, pairs,
     trajectories,
 };

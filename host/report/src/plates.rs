@@ -2,7 +2,7 @@
 //! is room, in a file all together.
 
 use super::chosen::ChosenRange;
-use super::correlation::Moved;
+use super::sections::correlation::Moved;
 use super::figure::Figure;
 use super::format::{escape, file_name, with_code};
 use super::overlay::Overlay;
@@ -96,7 +96,7 @@ impl Plate {
         self.panels.first().map_or(&[], |panel| match &panel.drawing {
             PanelDrawing::Shares(_) => &super::shares::KEYS,
             PanelDrawing::Strips(_) => &super::strips::KEYS,
-            PanelDrawing::Moved(_) => &super::correlation::MOVED_KEYS,
+            PanelDrawing::Moved(_) => &super::sections::correlation::MOVED_KEYS,
             PanelDrawing::Overlay(_) => &super::overlay::KEYS,
             PanelDrawing::Chosen(_) => &super::chosen::KEYS,
         })

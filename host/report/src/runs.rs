@@ -1,9 +1,9 @@
 //! Several runs side by side as a page of its own.
 
-use super::data::{Costs, EvaluationTable};
+use super::sections::{Costs, EvaluationTable};
 use super::format::{NONE, escape};
 use super::page::{document, facts};
-use super::{cost, evaluation};
+use super::sections::{cost, evaluation};
 
 /// Runs to show beside each other; the first is what the others are compared with.
 #[derive(Clone, Debug, Default)]

@@ -4,7 +4,7 @@ use plotters::series::LineSeries;
 
 use super::axis::Axis;
 use super::format::fixed;
-use super::pairs::steps;
+use super::sections::pairs::steps;
 use super::plot::{Caption, Frame, Key, Px, Sample, chart};
 use super::series::{CURVES, Series};
 use super::theme::ink;

@@ -3,10 +3,10 @@
 use plotters::element::{PathElement, Rectangle};
 use plotters::style::Color;
 
-use super::data::{Difference, EvaluationRow, EvaluationTable, Report, RowKind};
-use super::format::{escape, fixed, signed, significant, with_unit};
-use super::plot::{Caption, at, drawing};
-use super::theme::ink;
+use super::{Difference, EvaluationRow, EvaluationTable, Report, RowKind};
+use crate::format::{escape, fixed, signed, significant, with_unit};
+use crate::plot::{Caption, at, drawing};
+use crate::theme::ink;
 
 /// A column of figures: how to read it and which way is better.
 struct Column {
@@ -248,7 +248,7 @@ pub(super) fn tiles(table: &EvaluationTable) -> String {
 }
 
 /// The table with differences to the default row, or nothing without rows.
-pub(super) fn section(table: &EvaluationTable) -> String {
+pub(crate) fn section(table: &EvaluationTable) -> String {
     self::table("Default against tuned", &criterion(table), table)
 }
 

@@ -1,7 +1,18 @@
 //! What a report is made of. Values that are not finite mean "unknown" or "nothing found"
 //! everywhere.
 
-use super::error::ReportError;
+pub(crate) mod clouds;
+pub(crate) mod convergence;
+pub(crate) mod correlation;
+pub(crate) mod cost;
+pub(crate) mod evaluation;
+pub(crate) mod front;
+pub(crate) mod identity;
+pub(crate) mod importance;
+pub(crate) mod pairs;
+pub(crate) mod trajectories;
+
+use crate::error::ReportError;
 
 /// Everything the page shows.
 #[derive(Clone, Debug, Default)]

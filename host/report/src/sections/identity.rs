@@ -1,10 +1,10 @@
 //! Who made the run, when, with which command and which configuration.
 
-use super::data::Identity;
-use super::format::escape;
+use super::Identity;
+use crate::format::escape;
 
 /// The commands and the configuration, or nothing where neither is known.
-pub(super) fn section(identity: &Identity) -> String {
+pub(crate) fn section(identity: &Identity) -> String {
     if identity.sessions.is_empty() && identity.configuration.is_empty() {
         return String::new();
     }

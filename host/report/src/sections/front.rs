@@ -1,10 +1,10 @@
 //! A front of error against a cost.
 
-use super::axis::Axis;
+use crate::axis::Axis;
 use super::cost::figure_cell;
-use super::data::{Front, FrontDot};
-use super::format::{escape, fixed, significant};
-use super::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
+use super::{Front, FrontDot};
+use crate::format::{escape, fixed, significant};
+use crate::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
 
 const SIZE: Px = [880.0, 360.0];
 
@@ -18,7 +18,7 @@ const KEYS: [Key<'static>; 3] = [
 ];
 
 /// The plot and its table, or nothing without points.
-pub(super) fn section(front: &Front) -> String {
+pub(crate) fn section(front: &Front) -> String {
     if front.points.is_empty() {
         return String::new();
     }

@@ -5,11 +5,11 @@ use plotters::element::Rectangle;
 use plotters::style::Color;
 use plotters::style::text_anchor::{HPos, VPos};
 
-use super::axis::Axis;
-use super::data::{Bar, Importance, Slice};
-use super::format::{escape, file_name, fixed, with_unit};
-use super::plot::{Caption, Frame, Key, Px, Sample, at, chart, drawing, hint, legend, text};
-use super::theme::ink;
+use crate::axis::Axis;
+use super::{Bar, Importance, Slice};
+use crate::format::{escape, file_name, fixed, with_unit};
+use crate::plot::{Caption, Frame, Key, Px, Sample, at, chart, drawing, hint, legend, text};
+use crate::theme::ink;
 
 const SLICE: Px = [330.0, 230.0];
 
@@ -27,7 +27,7 @@ const SLICE_KEYS: [Key<'static>; 4] = [
 ];
 
 /// What mattered, or why that cannot be said, and why the choice is where it is.
-pub(super) fn section(importance: &Importance) -> String {
+pub(crate) fn section(importance: &Importance) -> String {
     if importance.verdict.is_empty() && importance.chosen.is_empty() {
         return String::new();
     }

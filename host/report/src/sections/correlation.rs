@@ -5,10 +5,10 @@ use plotters::style::Color;
 use plotters::style::FontTransform;
 use plotters::style::text_anchor::{HPos, VPos};
 
-use super::data::Correlation;
-use super::format::{escape, fixed};
-use super::plot::{Canvas, Caption, Drawn, Key, Px, Sample, at, drawing, hint, text};
-use super::theme::ink;
+use super::Correlation;
+use crate::format::{escape, fixed};
+use crate::plot::{Canvas, Caption, Drawn, Key, Px, Sample, at, drawing, hint, text};
+use crate::theme::ink;
 
 const CELL: f64 = 34.0;
 
@@ -19,7 +19,7 @@ const WORTH_A_NUMBER: f64 = 0.15;
 const FAINTEST: f64 = 0.2;
 
 /// The heat map and its caution, or nothing without one pair of parameters.
-pub(super) fn section(correlation: Option<&Correlation>, generations: usize) -> String {
+pub(crate) fn section(correlation: Option<&Correlation>, generations: usize) -> String {
     let Some(c) = correlation.filter(|c| c.names.len() > 1) else {
         return String::new();
     };

@@ -1,10 +1,10 @@
 //! What a scan costs, with the default parameters and with others.
 
-use super::data::Costs;
-use super::format::escape;
+use super::Costs;
+use crate::format::escape;
 
 /// The table, or nothing without rows.
-pub(super) fn section(costs: &Costs) -> String {
+pub(crate) fn section(costs: &Costs) -> String {
     if costs.rows.is_empty() {
         return String::new();
     }

@@ -1,9 +1,9 @@
 //! Fitness and step size by generation.
 
-use super::axis::Axis;
-use super::data::Convergence;
-use super::format::significant;
-use super::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
+use crate::axis::Axis;
+use super::Convergence;
+use crate::format::significant;
+use crate::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
 
 const SIZE: Px = [520.0, 310.0];
 const SIGMA_SIZE: Px = [360.0, 310.0];
@@ -11,7 +11,7 @@ const SIGMA_SIZE: Px = [360.0, 310.0];
 const SIGMA_KEYS: [Key<'static>; 1] = [("sigma", Sample::Line, "step size σ of the search")];
 
 /// Both plots with their legend, or nothing without generations.
-pub(super) fn section(convergence: &Convergence) -> String {
+pub(crate) fn section(convergence: &Convergence) -> String {
     if convergence.generation.is_empty() {
         return String::new();
     }

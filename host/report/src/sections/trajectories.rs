@@ -1,10 +1,10 @@
 //! Each parameter's way from default to tuned, in its own unit and within its bounds.
 
-use super::axis::Axis;
+use crate::axis::Axis;
 use super::convergence::{generation_axis, generations};
-use super::data::{ParameterTrace, Report};
-use super::format::{escape, file_name, significant, with_unit};
-use super::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
+use super::{ParameterTrace, Report};
+use crate::format::{escape, file_name, significant, with_unit};
+use crate::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
 
 const SIZE: Px = [240.0, 132.0];
 
@@ -16,7 +16,7 @@ const KEYS: [Key<'static>; 4] = [
 ];
 
 /// The small multiples and the same figures as a table, or nothing without parameters.
-pub(super) fn section(report: &Report) -> String {
+pub(crate) fn section(report: &Report) -> String {
     if report.parameters.is_empty() {
         return String::new();
     }

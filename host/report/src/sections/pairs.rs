@@ -4,11 +4,11 @@ use plotters::element::{Circle, Cross, PathElement};
 use plotters::series::LineSeries;
 use plotters::style::Color;
 
-use super::axis::Axis;
-use super::data::{PairError, PoseError, Report};
-use super::format::{file_name, fixed, with_unit};
-use super::plot::{Caption, Chart, Drawn, Frame, Key, Px, Sample, chart, fine, legend};
-use super::theme::ink;
+use crate::axis::Axis;
+use super::{PairError, PoseError, Report};
+use crate::format::{file_name, fixed, with_unit};
+use crate::plot::{Caption, Chart, Drawn, Frame, Key, Px, Sample, chart, fine, legend};
+use crate::theme::ink;
 use echoloop_statistics::coin;
 
 const SLOPES: Px = [900.0, 300.0];
@@ -30,7 +30,7 @@ const ROTATION: Part =
     Part { name: "rotation error", unit: "°", read: |error| error.rotation_deg };
 
 /// The three plots, or nothing without pairs.
-pub(super) fn section(report: &Report) -> String {
+pub(crate) fn section(report: &Report) -> String {
     let pairs = &report.pair_errors;
     if pairs.is_empty() {
         return String::new();

@@ -2,8 +2,8 @@
 
 use std::array::from_fn;
 
-use super::data::{CloudLayer, PairClouds, PoseError};
-use super::format::{base64, escape, fixed, with_unit};
+use super::{CloudLayer, PairClouds, PoseError};
+use crate::format::{base64, escape, fixed, with_unit};
 
 /// The most points of a cloud that a report carries.
 pub const MAX_LAYER_POINTS: usize = 40_000;
@@ -19,7 +19,7 @@ struct Bounds {
 }
 
 /// The viewer with its data, or nothing without clouds.
-pub(super) fn section(clouds: Option<&PairClouds>) -> String {
+pub(crate) fn section(clouds: Option<&PairClouds>) -> String {
     let Some(clouds) = clouds else {
         return String::new();
     };
