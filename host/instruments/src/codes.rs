@@ -1,4 +1,4 @@
-//! Any numbers as codes of an ADC, which is what the DSP takes.
+//! Samples in any unit as ADC codes, which the DSP takes.
 
 use std::ops::Range;
 
@@ -11,13 +11,13 @@ const TOP: f64 = 16_383.0;
 /// A waveform as codes, and the way back to its units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Codes {
-    /// Samples over the least of them.
+    /// Samples minus their least, in codes.
     pub codes: Vec<u16>,
     /// Left shift that brings a code to Q1.15.
     pub shift: u32,
-    /// What one code is in the input's units.
+    /// One code in the input's units.
     pub unit: f64,
-    /// Samples that the instrument left out; the codes there are a line.
+    /// Ranges that the instrument left out; their codes are a line from end to end.
     pub gaps: Vec<Range<usize>>,
 }
 
@@ -30,8 +30,8 @@ impl Codes {
     /// shift = 15 − bits of the largest code, 1 to 7
     /// ```
     ///
-    /// Whole numbers stay what they are, so that their step counts as noise. A line over a gap of
-    /// them is rounded.
+    /// Whole numbers keep their step, so that it counts as noise; a line over a gap of them is
+    /// rounded.
     pub fn from_samples<S: Sample>(samples: &[S]) -> Self {
         let gaps = gaps(samples);
         if gaps.is_empty() {
@@ -50,7 +50,7 @@ impl Codes {
         let values = || samples.iter().map(|&v| -> f64 { v.into() });
         let min = values().fold(f64::INFINITY, f64::min);
         let max = values().fold(f64::NEG_INFINITY, f64::max);
-        // Halves first: the range of finite numbers may be infinite.
+        // Halves, since the range of two finite numbers may overflow.
         let half_range = max / 2.0 - min / 2.0;
         let whole = 2.0 * half_range <= TOP && values().all(|v| v.fract() == 0.0);
         let unit = if whole { 1.0 } else { half_range / TOP * 2.0 };
@@ -63,7 +63,7 @@ impl Codes {
         Self { codes, shift: 15u32.saturating_sub(bits).clamp(1, 7), unit, gaps: Vec::new() }
     }
 
-    /// Whether a sample lies in a gap or beside one.
+    /// True when a sample lies in a gap or beside one.
     pub fn is_beside_gap(&self, sample: usize) -> bool {
         self.gaps.iter().any(|gap| (gap.start - 1..=gap.end).contains(&sample))
     }
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whole_numbers_stay_what_they_are() {
+    fn whole_numbers_keep_their_step() {
         let codes = Codes::from_samples(&[-3.0, 0.0, 1020.0]);
         let expected = Codes { codes: vec![0, 3, 1023], shift: 5, unit: 1.0, gaps: vec![] };
         assert_eq!(codes, expected);

@@ -1,11 +1,11 @@
-//! Numbers between commas, one waveform a line.
+//! CSV without a header, one waveform a line.
 
 use echoloop_files::shown_most;
 
 use super::problem::Problem;
 
-/// Rows of numbers, end to end, and where each ends. A line may be empty, end in commas, quote its
-/// numbers or end in CR LF; empty lines at the end are no rows.
+/// Numbers of all rows end to end, and the end of each row among them. A line may be empty, end in
+/// commas, quote its numbers or end in CR LF; empty lines at the end are no rows.
 pub(super) fn parse(bytes: &[u8]) -> Result<(Vec<f64>, Vec<u32>), Problem> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let text = str::from_utf8(bytes).map_err(|error| {
@@ -40,7 +40,7 @@ fn parse_cell(cell: &str, row: usize, column: usize) -> Result<f64, Problem> {
     }
 }
 
-/// What a cell says, cut to what a message can hold.
+/// A cell in quotes, cut to the length of a message.
 fn quoted(cell: &str) -> String {
     match shown_most(cell, 24) {
         nothing if nothing.is_empty() => "nothing".into(),
@@ -48,6 +48,7 @@ fn quoted(cell: &str) -> String {
     }
 }
 
+/// A likely reason why a cell is no number; may be empty.
 fn hint(cell: &str, row: usize) -> &'static str {
     let numbers = |separator: char| {
         cell.contains(separator) && cell.split(separator).all(|c| c.trim().parse::<f64>().is_ok())
@@ -76,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_told_by_its_place() {
+    fn a_cell_that_is_no_number_is_named_by_row_and_column() {
         let table = [
             ("1,2\n3,nan\n", 2, 2, "'nan'", ""),
             ("1,inf", 1, 2, "'inf'", ""),

@@ -1,4 +1,4 @@
-//! From a recorded waveform to its echoes.
+//! Echoes of recorded waveforms, in ns and in the file's units.
 
 use std::ops::Range;
 
@@ -11,16 +11,16 @@ use super::finder::{EchoFinder, FinderConfig, FoundEcho, Pulse, from_samples, sa
 use super::response::{Candidate, Record, Response, Verdict, at_rest};
 use super::rows::{Rows, without_padding};
 
-/// How echoes are looked for.
+/// Settings of the search for echoes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Time between samples, ns.
     pub sample_ns: f64,
-    /// Least height of an echo over the noise.
+    /// Least height of an echo, in σ of the noise.
     pub snr: f64,
-    /// Least height of an echo over the strongest of its record.
+    /// Least height of an echo, as a share of the strongest of its record.
     pub floor: f64,
-    /// Echoes of a waveform at most; the strongest are kept.
+    /// Greatest number of echoes of a waveform; the strongest are kept.
     pub max_echoes: usize,
     /// Least distance of two echoes, ns.
     pub min_separation_ns: f64,
@@ -29,37 +29,37 @@ pub struct Options {
 /// One echo.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Echo {
-    /// From the row's first sample to the echo's peak.
+    /// Time from the row's first sample to the echo's peak, ns.
     pub time_ns: f64,
     /// Height above ambient, in the input's units.
     pub amplitude: f64,
-    /// Full width at half maximum.
+    /// Full width at half maximum, ns.
     pub width_ns: f64,
-    /// Height over the noise.
+    /// Height in σ of the noise.
     pub snr: f64,
     /// Names of [`Flags`].
     pub flags: Vec<&'static str>,
 }
 
-/// What became of one row.
+/// Echoes of one row.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Waveform {
-    /// Which row, from 0.
+    /// Index of the row, from 0.
     pub waveform: usize,
-    /// From the first sample of the outgoing pulse's row to its peak; `None` without one.
+    /// Time from the first sample of the outgoing pulse's row to its peak, ns; `None` without one.
     pub outgoing_peak_ns: Option<f64>,
-    /// By rising time.
+    /// Echoes by rising time.
     pub echoes: Vec<Echo>,
 }
 
 /// Samples that two pieces of a long record share.
 const OVERLAP: usize = 600;
 
-/// Share of the response's width that the finder takes for the pulse's: the echoes that the
-/// response comes from met surfaces, too.
+/// Width of the pulse over that of the response: surfaces widened the echoes that the response is
+/// estimated from.
 const PULSE_OF_RESPONSE: f64 = 0.7;
 
-/// Finds the echoes of many rows, the same on any number of threads.
+/// Finder of the echoes of many rows. Its results do not depend on the number of threads.
 #[derive(Clone, Debug)]
 pub struct Finder {
     options: Options,
@@ -67,12 +67,12 @@ pub struct Finder {
 }
 
 impl Finder {
-    /// A finder.
+    /// A finder without a response.
     pub fn new(options: Options) -> Self {
         Self { options, response: None }
     }
 
-    /// With the instrument's response: what it explains is no echo.
+    /// Sets the instrument's response, whose own tops are not reported as echoes.
     #[must_use]
     pub fn with_response(self, response: Option<Response>) -> Self {
         Self { response, ..self }
@@ -93,7 +93,7 @@ impl Finder {
         self.find_codes(0..rows.len(), |i| codes(&rows[i]), outgoing.len(), pulse)
     }
 
-    /// As [`Finder::find`], of some rows of a file, numbered as there.
+    /// As [`Finder::find`], for some rows of a file, with indices as in the file.
     pub fn find_some(
         &self,
         rows: &Rows,
@@ -105,7 +105,7 @@ impl Finder {
         self.find_codes(part, |i| rows.codes(i), pulses, pulse)
     }
 
-    /// The one of `pulses` pulses is all rows'; of several, each row has its own.
+    /// Echoes of some rows. A single pulse belongs to all rows; of several, each row has its own.
     fn find_codes(
         &self,
         part: Range<usize>,
@@ -147,7 +147,7 @@ impl Finder {
         Waveform { waveform, outgoing_peak_ns: pulse.map(|pulse| self.ns(pulse.time)), echoes }
     }
 
-    /// Of an emitted pulse that nobody recorded, the width at least.
+    /// The width of an emitted pulse that was not recorded, from the response.
     fn known_pulse(&self) -> Option<Pulse> {
         let width = PULSE_OF_RESPONSE * self.response.as_ref()?.width();
         Some(Pulse { width: from_samples(width), ..Pulse::default() })
@@ -175,7 +175,7 @@ impl Finder {
         }
     }
 
-    /// Q16.16 samples as ns, to a thousandth of a sample or so.
+    /// Q16.16 samples as ns, to seven digits.
     fn ns(&self, time: i64) -> f64 {
         shortened(samples(time) * self.options.sample_ns)
     }
@@ -185,8 +185,8 @@ fn finder() -> Box<EchoFinder> {
     Box::new(EchoFinder::new())
 }
 
-/// Drops the tops that the response explains; an echo that took some in has the time and width of
-/// all.
+/// Drops the tops that the response explains. An echo that took in other tops gets the time and
+/// width of all together.
 fn drop_explained(response: &Response, codes: &Codes, found: &mut Vec<FoundEcho>) {
     if found.len() < 2 {
         return;
@@ -209,19 +209,19 @@ fn drop_explained(response: &Response, codes: &Codes, found: &mut Vec<FoundEcho>
     });
 }
 
-/// What a row says of the emitted pulse.
+/// The emitted pulse in its record; `None` without one.
 fn emitted(finder: &mut EchoFinder, codes: &Codes) -> Option<Pulse> {
     Pulse::from_record(finder, &codes.codes, codes.shift)
 }
 
-/// Whether a row shows the emitted pulse.
+/// True when a row holds an emitted pulse.
 pub fn shows_pulse(finder: &mut EchoFinder, rows: &Rows, row: usize) -> bool {
     emitted(finder, &rows.codes(row)).is_some()
 }
 
-/// The echoes of a record of any length. One longer than the DSP's memory is looked at in pieces of
-/// [`MAX_SAMPLES`] that share [`OVERLAP`] samples; an echo counts in the piece in whose inner part
-/// it lies. A piece lower than the record is not clipped.
+/// Echoes of a record of any length. One longer than the DSP's memory is searched in pieces of
+/// [`MAX_SAMPLES`] that share [`OVERLAP`] samples; an echo is taken from the piece in whose inner
+/// part it lies. A piece whose highest code is below the record's cannot be clipped.
 fn pieces(finder: &mut EchoFinder, codes: &[u16], search: &FinderConfig) -> Vec<FoundEcho> {
     let step = MAX_SAMPLES - OVERLAP;
     let mut found = Vec::new();
@@ -237,8 +237,9 @@ fn pieces(finder: &mut EchoFinder, codes: &[u16], search: &FinderConfig) -> Vec<
             if (from..to).contains(&echo.time) {
                 let clipped = if is_lower { Flags::SATURATED.0 } else { 0 };
                 let flags = Flags(echo.flags.0 & !clipped);
-                let later = |time: i64| time + ((start as i64) << 16);
-                let (time, top, centre) = (later(echo.time), later(echo.top), later(echo.centre));
+                let in_record = |time: i64| time + ((start as i64) << 16);
+                let (time, top, centre) =
+                    (in_record(echo.time), in_record(echo.top), in_record(echo.centre));
                 found.push(FoundEcho { time, top, centre, flags, ..echo });
             }
         }
@@ -249,14 +250,14 @@ fn pieces(finder: &mut EchoFinder, codes: &[u16], search: &FinderConfig) -> Vec<
     }
 }
 
-/// To so many decimals.
+/// Rounds to a number of decimals.
 fn rounded(value: f64, decimals: i32) -> f64 {
     let scale = 10f64.powi(decimals);
     let scaled = (value * scale).round() / scale;
     if scaled.is_finite() { scaled } else { value }
 }
 
-/// To seven digits or so: more says nothing.
+/// Rounds to seven significant digits.
 fn shortened(value: f64) -> f64 {
     if value == 0.0 || !value.is_finite() {
         return value;

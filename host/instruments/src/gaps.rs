@@ -1,15 +1,15 @@
-//! Pieces that an instrument left out of a record, written as zeros.
+//! Gaps: ranges that an instrument left out of a record and wrote as zeros.
 
 use std::ops::Range;
 
 use super::sample::Sample;
 
-/// Runs of zeros inside a record that no signal falls to.
+/// Gaps of a record: runs of zeros inside it, either all of them or none.
 ///
-/// An instrument that keeps only what lies near an echo writes the rest as zeros. The runs of a
-/// record are such gaps when the neighbours of all are higher than any step between two samples
-/// beside the runs: what changes so slowly elsewhere did not fall to zero there. Zeros of a record
-/// that rests at zero, or swings through it, are samples, and one such makes all of them samples.
+/// An instrument that keeps only samples near echoes writes the rest as zeros. The runs are gaps
+/// when every sample beside a run is higher than the steepest step between two samples outside the
+/// runs: a signal that slow does not fall to zero at once. In a record that rests at zero or swings
+/// through it, zeros are samples.
 pub(super) fn gaps<S: Sample>(row: &[S]) -> Vec<Range<usize>> {
     let runs = inner_runs(row);
     if runs.is_empty() {
@@ -22,7 +22,7 @@ pub(super) fn gaps<S: Sample>(row: &[S]) -> Vec<Range<usize>> {
     let step = |pair: &[S]| (half(pair[1]) - half(pair[0])).abs();
     let steepest = steps.map(step).fold(0.0, f64::max);
     let lowest = runs.iter().flat_map(|run| [run.start - 1, run.end]).map(value);
-    // Halves, for the step between finite numbers may be infinite.
+    // Halves, since the step between two finite numbers may overflow.
     if lowest.fold(f64::INFINITY, f64::min) / 2.0 > steepest { runs } else { Vec::new() }
 }
 
@@ -40,7 +40,7 @@ fn inner_runs<S: Sample>(row: &[S]) -> Vec<Range<usize>> {
     runs
 }
 
-/// Draws a line over each gap.
+/// Fills each gap with a line between the samples beside it.
 pub(super) fn bridge(values: &mut [f64], gaps: &[Range<usize>]) {
     for gap in gaps {
         let (first, last) = (values[gap.start - 1], values[gap.end]);
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn zeros_that_nothing_falls_to_are_a_gap() {
+    fn zeros_beside_high_samples_of_a_slow_signal_are_a_gap() {
         let row = [210., 230., 260., 240., 0., 0., 0., 232., 229., 230., 0., 218.];
         assert_eq!(gaps(&row), [4..7, 10..11]);
         let mut values = row.to_vec();
@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn zeros_of_a_record_at_rest_there_are_samples() {
+    fn zeros_of_a_record_that_reaches_zero_are_samples() {
         for row in [
             &[1., 1., 0., 0., 1., 9., 60., 9., 1.][..],
             &[12., 11., 80., 130., 40., 0., 0., 25., 12.],

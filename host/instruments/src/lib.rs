@@ -1,14 +1,15 @@
-//! Waveforms that other instruments recorded, and their echoes.
+//! Waveforms of other instruments, and their echoes.
+//!
+//! To read another format, add a file beside `csv` and `npy`, and its first bytes in [`read`].
 //!
 //! ```text
-//! file ─ read → rows of numbers ─ codes → ADC codes ─ finder → samples ─ echoes → ns, own units
-//!                    └─ response: what the instrument adds ───────────────┘
+//! file ─ read → rows of numbers ─ codes → ADC codes ─ finder → samples ─ echoes → ns, file's units
+//!                    └─ response: ringing and tail of the instrument ─────┘
 //! ```
 //!
-//! [`read_waveforms`] takes a file, [`Finder::find`] its rows and, if there are any, the rows of
-//! the emitted pulse. The detector is [`finder`], another than the sensor's; what [`response`]
-//! explains is no echo. To read another
-//! format, add a file beside `csv` and `npy`, and what tells it in [`read`].
+//! [`read_waveforms`] reads a file. [`Finder::find`] takes its rows and, if there are any, the rows
+//! of the emitted pulse. The detector, [`finder`], is not the sensor's. Tops that [`response`]
+//! explains are not reported as echoes.
 //!
 //! ```
 //! use echoloop_instruments::{Finder, Options};

@@ -6,8 +6,8 @@
 //! data   in that order
 //! ```
 //!
-//! Read here and not by a crate: those bring a parser generator and assembled code for these three
-//! entries.
+//! No crate reads it: those bring a parser generator and assembly for the three entries of the
+//! header.
 
 use echoloop_files::shown;
 
@@ -15,7 +15,7 @@ use super::problem::Problem;
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// Whether a file begins like one.
+/// True when the bytes begin as a `.npy` file.
 pub(super) fn is_npy(bytes: &[u8]) -> bool {
     bytes.starts_with(MAGIC)
 }
@@ -24,11 +24,12 @@ pub(super) fn is_npy(bytes: &[u8]) -> bool {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Array {
     bytes: Vec<u8>,
-    /// Where the first number begins.
+    /// Offset of the first number.
     start: usize,
     rows: usize,
     columns: usize,
     number: Number,
+    /// True in Fortran's order.
     by_columns: bool,
 }
 
@@ -37,7 +38,7 @@ impl Array {
         self.rows
     }
 
-    /// The numbers of a row that there is.
+    /// Numbers of a row; panics when the row does not exist.
     pub(super) fn row(&self, row: usize) -> impl Iterator<Item = f64> + '_ {
         (0..self.columns).map(move |column| {
             let index = match self.by_columns {
@@ -49,14 +50,15 @@ impl Array {
         })
     }
 
-    /// A row of whole numbers from 0 to 255, as it lies in the file.
+    /// Bytes of a row, where the array is of `u8` or `bool` and its rows are contiguous.
     pub(super) fn row_of_bytes(&self, row: usize) -> Option<&[u8]> {
-        let lies = !self.by_columns || self.rows == 1;
+        let is_contiguous = !self.by_columns || self.rows == 1;
         let is_bytes = self.number.size == 1 && self.number.kind != 'i';
         let at = self.start + row * self.columns;
-        (lies && is_bytes).then(|| &self.bytes[at..at + self.columns])
+        (is_contiguous && is_bytes).then(|| &self.bytes[at..at + self.columns])
     }
 
+    /// Refuses numbers that are not finite.
     fn check(&self) -> Result<(), Problem> {
         for row in 0..self.rows {
             if let Some((column, value)) = self.row(row).enumerate().find(|(_, v)| !v.is_finite()) {
@@ -67,7 +69,7 @@ impl Array {
     }
 }
 
-/// Rows of an array of two dimensions, or the one row of one dimension.
+/// An array of two dimensions, or of one dimension as a single row.
 pub(super) fn parse(bytes: Vec<u8>) -> Result<Array, Problem> {
     let (header, data) = split(&bytes)
         .ok_or_else(|| format("a header that ends within the file", "a shorter file"))?;
@@ -112,7 +114,7 @@ fn split(bytes: &[u8]) -> Option<(&str, &[u8])> {
     Some((str::from_utf8(header).ok()?, data))
 }
 
-/// What follows a key of the header, to its end.
+/// Rest of the header after a key and its colon.
 fn entry<'h>(header: &'h str, key: &str) -> Option<&'h str> {
     let after = ["'", "\""]
         .iter()
@@ -138,7 +140,7 @@ fn shape(text: &str) -> Result<(usize, usize), Problem> {
     }
 }
 
-/// How a number is stored.
+/// Format of a stored number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Number {
     big_endian: bool,
@@ -232,14 +234,14 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_is_not_finite_is_told_by_its_place() {
+    fn a_number_that_is_not_finite_is_named_by_row_and_column() {
         let data: Vec<u8> = [1f32, 2., 3., f32::NAN].iter().flat_map(|v| v.to_le_bytes()).collect();
         let file = file("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 2), }", &data);
         assert_eq!(rows(&file), Err(Problem::Cell(2, 2, "NaN".into(), "")));
     }
 
     #[test]
-    fn what_is_no_array_of_waveforms_is_said() {
+    fn files_that_are_no_array_of_waveforms_are_refused_by_name() {
         let table = [
             (
                 file("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }", &[0; 15]),

@@ -1,10 +1,10 @@
-//! What can be wrong with a file, before anybody knows its name.
+//! Faults in a file's content; the caller adds the path.
 
-/// What is wrong with a file's content.
+/// Fault in a file's content.
 #[derive(Debug, PartialEq)]
 pub(super) enum Problem {
-    /// This cell: row and column from 1, what it says, what may be the matter.
+    /// A cell that is no finite number: row and column from 1, its text, a likely reason.
     Cell(usize, usize, String, &'static str),
-    /// Something else.
+    /// Any other fault, as text.
     Format(String),
 }

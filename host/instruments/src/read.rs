@@ -1,4 +1,4 @@
-//! Reads a file of waveforms.
+//! Reader of files of waveforms.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use super::problem::Problem;
 use super::rows::Rows;
 use super::{csv, npy};
 
-/// Why a file gives no waveforms.
+/// Reason why a file gives no waveforms.
 #[derive(Debug, thiserror::Error)]
 pub enum WaveformError {
     /// The file cannot be read.
@@ -16,51 +16,51 @@ pub enum WaveformError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
-    /// A cell is no number.
+    /// A cell is no finite number.
     #[error("{}: row {row}, column {column}: expected a finite number, found \
              {found}{hint}", path.display())]
     Cell {
         /// The file.
         path: PathBuf,
-        /// Which row, from 1.
+        /// Row, from 1.
         row: usize,
-        /// Which column, from 1.
+        /// Column, from 1.
         column: usize,
-        /// What stands there.
+        /// Text of the cell.
         found: String,
-        /// What may be the matter.
+        /// A likely reason; may be empty.
         hint: &'static str,
     },
-    /// The content is not what the format asks for.
+    /// The content does not fit the format.
     #[error("{}: {problem}", path.display())]
     Format {
         /// The file.
         path: PathBuf,
-        /// What was expected, and what was found.
+        /// Expected and found.
         problem: String,
     },
 }
 
 /// Reads one waveform a row: CSV without a header, rows of any length, or a NumPy `.npy` array of
-/// one or two dimensions (told by its first bytes, not by its name).
+/// one or two dimensions (recognised by its first bytes, not by its name).
 ///
-/// Every number is finite. An empty row is an empty waveform; empty cells at a row's end are no
-/// samples.
+/// Every number must be finite. An empty row is an empty waveform; empty cells at a row's end are
+/// dropped.
 ///
 /// # Errors
 ///
-/// [`WaveformError`] names the file and what was expected of it, where one is at fault the row and
-/// column; a file without rows is an error too.
+/// [`WaveformError`] names the file, the expected content and, for a cell, row and column. A file
+/// without rows is an error too.
 pub fn read_waveforms(path: &Path) -> Result<Rows, WaveformError> {
     let bytes =
         read_data(path).map_err(|source| WaveformError::Io { path: path.into(), source })?;
     parse_waveforms(path, bytes)
 }
 
-/// What [`read_waveforms`] makes of a file's bytes; `path` is for messages.
+/// As [`read_waveforms`], from bytes; `path` is for messages.
 ///
 /// # Errors
 ///

@@ -1,5 +1,4 @@
-//! Rows of numbers as a file has them: a sample of one byte stays one byte until its row is asked
-//! for.
+//! Rows of numbers in their stored form: a sample of one byte takes one byte until its row is read.
 
 use std::borrow::Cow;
 
@@ -7,15 +6,15 @@ use super::codes::Codes;
 use super::npy::Array;
 use super::sample::Sample;
 
-/// The rows of a file, each looked at by itself.
+/// Rows of a file, each read on demand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rows(Stored);
 
 #[derive(Clone, Debug, PartialEq)]
 enum Stored {
-    /// Numbers of a text, all rows end to end, and where each ends.
+    /// Numbers of a text, all rows end to end, and the end of each row.
     Text { numbers: Vec<f64>, ends: Vec<u32> },
-    /// Numbers of an array, as they were written.
+    /// Array as it was written.
     Array(Array),
 }
 
@@ -28,7 +27,7 @@ impl Rows {
         Self(Stored::Text { numbers, ends })
     }
 
-    /// How many there are.
+    /// Number of rows.
     pub fn len(&self) -> usize {
         match &self.0 {
             Stored::Text { ends, .. } => ends.len(),
@@ -41,11 +40,11 @@ impl Rows {
         self.len() == 0
     }
 
-    /// The numbers of a row.
+    /// Numbers of a row.
     ///
     /// # Panics
     ///
-    /// When there is no such row.
+    /// When the row does not exist.
     pub fn row(&self, row: usize) -> Cow<'_, [f64]> {
         match &self.0 {
             Stored::Text { numbers, ends } => {
@@ -69,10 +68,9 @@ impl Rows {
 
 /// A waveform without the zeros that pad its row to the others' length.
 ///
-/// Zeros at the end are padding, unless the samples before them fall towards zero: with a last step
-/// of d down to v, a zero may follow as a sample if v ≤ d. Or the row begins with two zeros. Then
-/// as many zeros stay as there are, at most 16: such a record rests at zero, and they are the end
-/// of an echo.
+/// Zeros at the end are padding, with two exceptions. The samples before them fall towards zero:
+/// the last step, d down to v, has v ≤ d. Or the row begins with two zeros. Such a record rests at
+/// zero, and the zeros are the end of an echo: up to 16 of them stay.
 pub(super) fn without_padding<S: Sample>(row: &[S]) -> &[S] {
     let end = row.iter().rposition(|&v| v.into() != 0.0).map_or(0, |last| last + 1);
     let falls_to_zero = match row[..end] {

@@ -1,6 +1,6 @@
-//! What a file may have as a sample.
+//! Types of a file's samples.
 
-/// A number of a waveform.
+/// A sample of a waveform.
 pub trait Sample: Copy + PartialEq + Into<f64> {}
 
 impl Sample for f64 {}

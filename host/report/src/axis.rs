@@ -1,5 +1,5 @@
-//! Axes that bear any data: bounds around the finite values, marks at round numbers, everything
-//! else at the edge.
+//! Axes for any data: bounds around the finite values, marks at round numbers, all other values at
+//! the edge.
 
 use std::ops::Range;
 
@@ -11,13 +11,13 @@ use plotters::coord::types::RangedCoordf64;
 
 use super::format::{fixed, significant};
 
-/// Values that span more than this factor are easier to read on a logarithmic axis.
+/// Ratio of the ends above which an axis becomes logarithmic.
 const LOG_RATIO: f64 = 20.0;
 
-/// Below this factor powers of ten alone are too few marks.
+/// Ratio of the ends below which powers of ten alone are too few marks.
 const FEW_DECADES: f64 = 200.0;
 
-/// A logarithmic axis ends here and at one over it: what lies beyond is drawn at its edge.
+/// Greatest end of a logarithmic axis, and one over its least: values beyond are drawn at the edge.
 const MOST: f64 = 1e100;
 
 /// A linear or logarithmic axis.
@@ -31,10 +31,10 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// Exactly these bounds, made usable if they are not.
+    /// Exactly these bounds; unusable ones are replaced.
     pub(super) fn between(low: f64, high: f64, log: bool) -> Self {
-        // plotters counts decades up to the end of a logarithmic axis by multiplying, past the
-        // largest number for ever.
+        // plotters multiplies by ten until it passes the end of a logarithmic axis: near the
+        // largest number it would loop for ever.
         let (low, high) = match log && low > 0.0 {
             true => (low.clamp(1.0 / MOST, MOST / 10.0), high.clamp(10.0 / MOST, MOST)),
             false => (low, high),
@@ -48,7 +48,8 @@ impl Axis {
         if axis.log { axis.with_log_ticks() } else { axis.with_linear_ticks() }
     }
 
-    /// Bounds a little beyond the finite values; logarithmic when they are positive and span much.
+    /// Bounds a little beyond the finite values; logarithmic when these are positive and span more
+    /// than [`LOG_RATIO`].
     pub(super) fn around(values: impl Iterator<Item = f64>) -> Self {
         let (low, high) = range(values);
         if low > 0.0 && high / low > LOG_RATIO {
@@ -59,7 +60,8 @@ impl Axis {
         Self::between((low - margin).max(least), high + margin, false)
     }
 
-    /// Logarithmic bounds a little beyond the finite positive values, and never under `floor`.
+    /// Logarithmic bounds a little beyond the finite positive values, each counted as at least
+    /// `floor`.
     pub(super) fn log_around(values: impl Iterator<Item = f64>, floor: f64) -> Self {
         match range(values.filter(|v| *v > 0.0).map(|v| v.max(floor))) {
             (low, high) if low.is_finite() => {
@@ -69,7 +71,7 @@ impl Axis {
         }
     }
 
-    /// Marks at the finite ones of these values instead of at round numbers.
+    /// Marks at the finite values of `ticks` instead of at round numbers.
     pub(super) fn with_ticks(self, ticks: &[f64]) -> Self {
         let ticks = ticks.iter().copied().filter(|tick| tick.is_finite()).collect();
         Self { ticks, decimals: None, ..self }
@@ -105,7 +107,7 @@ impl Ranged for Axis {
     type FormatOption = NoDefaultFormatting;
     type ValueType = f64;
 
-    /// Beyond the bounds: at the nearer end; unknown: at the far end.
+    /// Values beyond the bounds lie at the nearer end, NaN at the high end.
     fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
         let value = if value.is_nan() { self.high } else { value.clamp(self.low, self.high) };
         match self.log {

@@ -1,4 +1,4 @@
-//! Where in its range each search chose a parameter: a lane for each kind of country.
+//! Chosen values of a parameter within its range, with a lane for each kind of country.
 
 use plotters::element::{Circle, PathElement};
 use plotters::style::Color;
@@ -23,33 +23,33 @@ pub(super) const KEYS: [Key<'static>; 4] = [
     ("ring-lidar", Sample::Dot, "LiDAR alone"),
 ];
 
-/// A parameter.
+/// Panel of one parameter.
 #[derive(Clone, Debug)]
 pub struct ChosenRange {
-    /// Its unit; empty when it has none.
+    /// Unit; empty when it has none.
     pub unit: String,
     /// Lower bound.
     pub min: f64,
     /// Upper bound.
     pub max: f64,
-    /// Whether it was searched, and is drawn, on a logarithmic axis.
+    /// True when its axis, of search and panel, is logarithmic.
     pub log: bool,
-    /// The values it can have, where those are few; else none.
+    /// Possible values, where those are few; else empty.
     pub steps: Vec<f64>,
-    /// Names of its values, from 0, when it is a choice; else none.
+    /// Names of its values, from 0, when it is a choice; else empty.
     pub choices: &'static [&'static str],
-    /// Where the searches begin.
+    /// Start of the searches.
     pub start: f64,
-    /// The kinds of country, from the top.
+    /// Lanes, from the top.
     pub lanes: Vec<ChosenLane>,
 }
 
-/// What was chosen in one kind of country.
+/// Chosen values in one kind of country.
 #[derive(Clone, Debug)]
 pub struct ChosenLane {
-    /// The kind.
+    /// Name of the kind.
     pub name: String,
-    /// By whom, and what.
+    /// Search and chosen value.
     pub marks: Vec<(Series, f64)>,
 }
 
@@ -57,7 +57,7 @@ impl ChosenRange {
     pub(super) fn svg(&self, caption: &Caption<'_>) -> String {
         let height = 4.0 + LANE * self.lanes.len() as f64;
         let size = [NAMES + TRACK + RIGHT, height + 22.0];
-        let label = format!("{}: {}.", caption.title, self.told());
+        let label = format!("{}: {}.", caption.title, self.text());
         let ruler = Ruler { axis: self.axis(), left: NAMES, width: TRACK };
         drawing(caption, size, &label, |canvas, hints| {
             ruler.labels(canvas, height, &self.labels(&ruler))?;
@@ -67,7 +67,7 @@ impl ChosenRange {
             for (number, lane) in self.lanes.iter().enumerate() {
                 let y = 4.0 + LANE * number as f64;
                 self.lane(canvas, &ruler, lane, y + 0.5 * LANE)?;
-                let words = self.told_of(lane);
+                let words = self.lane_text(lane);
                 *hints += &hint(at([0.0, y]), at([size[0], y + LANE]), &words);
             }
             Ok(())
@@ -99,7 +99,7 @@ impl ChosenRange {
         Ok(())
     }
 
-    /// The ends of the range, and round numbers between them that lie far enough apart.
+    /// The ends of the range, then round numbers between them.
     fn labels(&self, ruler: &Ruler) -> Vec<(f64, String)> {
         let inner = ruler.ticks().into_iter().map(|tick| (tick, self.number(ruler, tick)));
         match self.choices {
@@ -116,11 +116,11 @@ impl ChosenRange {
         choice.map_or_else(|| ruler.number(tick), |&name| name.to_owned())
     }
 
-    fn told(&self) -> String {
-        self.lanes.iter().map(|lane| self.told_of(lane)).collect::<Vec<_>>().join("; ")
+    fn text(&self) -> String {
+        self.lanes.iter().map(|lane| self.lane_text(lane)).collect::<Vec<_>>().join("; ")
     }
 
-    fn told_of(&self, lane: &ChosenLane) -> String {
+    fn lane_text(&self, lane: &ChosenLane) -> String {
         let value = |value: f64| match self.choices.get(value as usize) {
             Some(name) if value.is_finite() => (*name).to_owned(),
             _ => with_unit(&significant(value), &self.unit),

@@ -1,6 +1,6 @@
-//! Why a report cannot be drawn.
+//! Refusals of a report.
 
-/// Why a [`Report`](super::Report) cannot be drawn: its parts do not fit together.
+/// Reason why a [`Report`](super::Report) cannot be drawn.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ReportError {
     /// A chart cannot be drawn as a picture.
@@ -9,11 +9,11 @@ pub enum ReportError {
     /// A series must hold one value for each generation (or none, where its documentation says so).
     #[error("{series} holds {found} values, not one for each of {expected}")]
     Length {
-        /// Which series.
+        /// Name of the series.
         series: String,
-        /// What the values belong to, and how many there are of it.
+        /// Expected number of values, with what each belongs to.
         expected: String,
-        /// How many values there are.
+        /// Number of values.
         found: usize,
     },
 }

@@ -1,10 +1,9 @@
 //! Charts that stand alone: each chart of a page as SVG with its own colours, and as PNG.
 //!
-//! They are taken out of the page itself, so that no chart can be forgotten and none can differ. In
-//! a page a chart has classes, and colours come from the style sheet; here the rules for those
-//! classes go with it, with the light theme's values in place of variables. Lines keep their width
-//! there whatever the chart's size; here everything scales, so widths are given in the drawing's
-//! own units.
+//! Charts are cut out of the page, so that none is missing and none differs. On a page a chart has
+//! classes, and its colours come from the style sheet; here the rules of those classes go with it,
+//! with the light theme's values in place of variables. On a page lines keep their width at any
+//! size of the chart; here everything scales, so widths are in the drawing's own units.
 
 use std::path::Path;
 use std::sync::{Arc, LazyLock};
@@ -22,21 +21,21 @@ use echoloop_closed_loop::run_folder::files::{
 /// A chart that stands alone.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Figure {
-    /// Its name: letters, digits and dashes, good for a file's.
+    /// Name of letters, digits and dashes, fit for a file.
     pub name: String,
-    /// The drawing.
+    /// The drawing as SVG.
     pub svg: String,
-    /// The same, twice its natural size.
+    /// The drawing as PNG, at twice its natural size.
     pub png: Vec<u8>,
 }
 
-/// Pixels of a PNG for one of the drawing at its natural size.
+/// Pixels of the PNG for one of the drawing at its natural size.
 const PNG_SCALE: f32 = 2.0;
 
 const STYLE: &str = include_str!("report.css");
 
-/// Letters of all charts: DejaVu Sans, as far as a chart writes. It goes with the program, so that
-/// a machine without fonts draws the same picture.
+/// Font of all charts: DejaVu Sans with the letters that charts use. It is part of the program, so
+/// that a machine without fonts draws the same picture.
 const FONT: &[u8] = include_bytes!("font/dejavu-sans-subset.ttf");
 const FONT_NAME: &str = "DejaVu Sans";
 
@@ -65,20 +64,20 @@ pub fn write_figures(figures: &[Figure], folder: &Path) -> Result<(), FileError>
 ///
 /// # Errors
 ///
-/// What is wrong with a drawing.
+/// A text about the first chart that cannot be drawn.
 pub(super) fn figures(html: &str) -> Result<Vec<Figure>, String> {
     charts(html).map(figure).collect()
 }
 
-/// From the tag that opens a named chart to the one that closes it. All text of a page is escaped,
-/// so that no other `<svg` is there.
+/// Named charts, without `<svg ` and `</svg>`. All text of a page is escaped, so no other `<svg`
+/// occurs.
 fn charts(html: &str) -> impl Iterator<Item = &str> {
     let pieces = html.split("<svg ").skip(1);
     let charts = pieces.filter_map(|piece| Some(piece.split_once("</svg>")?.0));
     charts.filter(|chart| attribute(chart, "data-figure").is_some())
 }
 
-/// What an attribute of the opening tag holds.
+/// Value of an attribute of the opening tag.
 pub(super) fn attribute<'a>(chart: &'a str, name: &str) -> Option<&'a str> {
     let tag = chart.split_once('>')?.0;
     Some(tag.split_once(&format!("{name}=\""))?.1.split_once('"')?.0)
@@ -110,13 +109,13 @@ fn alone(chart: &str) -> Option<String> {
 /// The style sheet's rules for drawings.
 pub(super) static RULES: LazyLock<String> = LazyLock::new(|| {
     let rules = drawing_rules(STYLE).map(|(selector, body)| format!("{selector}{{{body}}}"));
-    // What is under the pointer is told there too, through areas that nobody sees.
+    // Invisible areas keep the hints under the pointer.
     let hints = ".hint-area{fill:none;pointer-events:all}";
     let own = format!(".paper{{fill:{}}}{hints}", variable("surface"));
     rules.chain([own]).collect()
 });
 
-/// Of a style sheet without its `@media`, each rule that can only mean a drawing.
+/// Selectors and body of each rule that applies to drawings, `@media` left out.
 fn drawing_rules(style: &str) -> impl Iterator<Item = (String, String)> {
     let plain = style.split("\n@media").map(|part| match part.split_once("\n}\n") {
         Some((_, after)) if !part.starts_with(':') => after,
@@ -139,7 +138,7 @@ fn without_comments(style: &str) -> String {
         .collect()
 }
 
-/// Those of a rule's selectors that begin in a drawing: `svg text`, `.grid`, but not
+/// The selectors of a rule that begin in a drawing: `svg text`, `.grid`, but not
 /// `.legend svg`.
 fn of_drawings(selectors: &str) -> String {
     let is_class = |word: &str| {
@@ -177,7 +176,7 @@ fn resolved(value: &str) -> String {
     name.map_or_else(|| value.to_owned(), variable)
 }
 
-/// What a variable is in the light theme, which the style sheet has first.
+/// Value of a variable in the light theme, which comes first in the style sheet.
 fn variable(name: &str) -> String {
     let found = STYLE.split_once(&format!("--{name}: ")).and_then(|(_, rest)| rest.split_once(';'));
     found.map_or_else(String::new, |(value, _)| value.to_owned())
@@ -202,7 +201,8 @@ static OPTIONS: LazyLock<Options<'static>> = LazyLock::new(|| {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{PairError, PoseError, Report};
+    use crate::{PairErrors, Report};
+    use echoloop_closed_loop::evaluation::objective::PairError;
 
     #[test]
     fn the_rules_for_drawings_have_every_class_and_no_variable() {
@@ -220,10 +220,19 @@ mod tests {
 
     #[test]
     fn a_chart_that_stands_alone_is_ink_on_paper() {
-        let pairs = [0.1, 0.3].map(|error| PairError {
-            default: PoseError { translation_m: error, rotation_deg: error },
-            tuned: PoseError { translation_m: 0.5 * error, rotation_deg: error },
-            ..PairError::default()
+        let error = |translation_m, rotation_deg| PairError {
+            pair: 0,
+            translation_m,
+            rotation_deg,
+            frobenius: translation_m,
+            points: [1; 2],
+            stop: String::new(),
+            iterations: 1,
+        };
+        let pairs = [0.1, 0.3].map(|size| PairErrors {
+            label: String::new(),
+            default: error(size, size),
+            tuned: error(0.5 * size, size),
         });
         let report = Report { pair_errors: pairs.to_vec(), ..Report::default() };
         let figures = report.figures().expect("consistent");

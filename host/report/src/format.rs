@@ -1,9 +1,9 @@
-//! Numbers and text as the page writes them.
+//! Numbers and text of a page.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-/// What stands for a value that is not finite.
+/// Text of a value that is not finite.
 pub(super) const NONE: &str = "–";
 
 /// No-break space between a number and its unit.
@@ -25,17 +25,17 @@ pub(super) fn escape(text: &str) -> String {
     out
 }
 
-/// Text for HTML, with what stands between backticks as code.
+/// Text for HTML, with passages between backticks as code.
 pub(super) fn with_code(text: &str) -> String {
     let pieces = text.split('`').map(escape).enumerate();
-    let told = pieces.map(|(k, piece)| match k % 2 {
+    let texts = pieces.map(|(k, piece)| match k % 2 {
         0 => piece,
         _ => format!("<code>{piece}</code>"),
     });
-    told.collect()
+    texts.collect()
 }
 
-/// A name as one of a file: letters, digits and dashes.
+/// A name fit for a file: letters, digits and dashes.
 pub(super) fn file_name(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
 }
@@ -63,7 +63,7 @@ pub(super) fn signed(value: f64, decimals: usize) -> String {
     text
 }
 
-/// Three significant digits without trailing zeros; powers of ten only far from one.
+/// Three significant digits without trailing zeros; a power of ten below 10⁻⁴ and from 10⁶ on.
 pub fn significant(value: f64) -> String {
     if !value.is_finite() || value == 0.0 {
         return fixed(value, 0);
@@ -90,7 +90,8 @@ fn trimmed(text: &str) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// A number with its unit, set apart except for degrees; a missing number has none.
+/// A number with its unit after a no-break space, for degrees without; a missing number has no
+/// unit.
 pub(super) fn with_unit(number: &str, unit: &str) -> String {
     if unit.is_empty() || number == NONE {
         return number.to_owned();
@@ -101,12 +102,12 @@ pub(super) fn with_unit(number: &str, unit: &str) -> String {
     format!("{number}{GAP}{unit}")
 }
 
-/// Bytes as text that a page decodes.
+/// Bytes as base64.
 pub(super) fn base64(bytes: &[u8]) -> String {
     STANDARD.encode(bytes)
 }
 
-/// A count with commas, as 516,048.
+/// A count with commas between thousands, such as 516,048.
 pub fn grouped(count: usize) -> String {
     let digits = count.to_string();
     let comma = |k: usize| k > 0 && (digits.len() - k).is_multiple_of(3);

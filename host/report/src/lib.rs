@@ -1,33 +1,30 @@
-//! One run as one HTML file: what was tuned, what it gained, and two clouds to look at.
+//! Pages and figures: plain data in, one HTML file or picture out.
 //!
-//! Fill a [`Report`], call [`Report::to_html`], write the string down. Each section of the page is
-//! a file here with a function `section`; a new one is data in `data`, such a file, and a line in
-//! `page`.
+//! To add a figure to the page of a run, touch three files:
 //!
-//! Plain data in, one string out. The file refers to nothing outside itself (a content security
-//! policy in its head forbids it), so it opens from disk, by mail and in ten years. Plots are SVG
-//! whose colours come from the style sheet, so that dark mode and print follow; only the 3D viewers
-//! are scripts. The same data gives the same bytes.
+//! 1. `sections/NAME.rs`: its data, `of_run` (from a finished run), `section` (to HTML);
+//! 2. `sections/mod.rs`: a field of [`Report`], filled in [`page`] and drawn in
+//!    [`Report::to_html`];
+//! 3. `host/app/tests/command/report/synthetic.rs`: made-up data, for the tests in a browser.
+//!
+//! To add a kind of panel to the figures of the study: `NAME.rs` with its data, `KEYS` and `svg`, a
+//! variant of [`PanelDrawing`] in `plates.rs`, and a line here. A mark of a new colour needs a
+//! class in `theme.rs` and `report.css` besides.
+//!
+//! Fill a [`Report`], call [`Report::to_html`], write the string to a file. The file refers to
+//! nothing outside itself (a content security policy in its head forbids it), so it opens from
+//! disk, by mail and in ten years. Plots are SVG whose colours come from the style sheet, so that
+//! dark mode and print follow; only the 3D viewers are scripts. The same data gives the same bytes.
 
 mod axis;
 mod chosen;
-mod clouds;
-mod convergence;
-mod correlation;
-mod cost;
-mod data;
 mod error;
-mod evaluation;
 mod figure;
 pub mod finished_runs;
 mod format;
-mod front;
-mod identity;
-mod importance;
 mod overlay;
 mod packed;
 mod page;
-mod pairs;
 mod picture;
 mod plates;
 mod plot;
@@ -35,6 +32,7 @@ mod response;
 mod ruler;
 mod runs;
 mod scene;
+mod sections;
 mod series;
 mod shares;
 mod sheet;
@@ -43,16 +41,8 @@ mod survey;
 mod tables;
 mod text_table;
 mod theme;
-mod trajectories;
 
 pub use chosen::{ChosenLane, ChosenRange};
-pub use clouds::MAX_LAYER_POINTS;
-pub use correlation::Moved;
-pub use data::{
-    Bar, CloudLayer, Convergence, Correlation, Costs, Difference, EvaluationRow, EvaluationTable,
-    Front, FrontDot, Identity, Importance, PairClouds, PairError, ParameterTrace, PoseError,
-    Report, RowKind, Slice,
-};
 pub use error::ReportError;
 pub use figure::{Figure, write_figures};
 pub use format::{fixed, grouped, significant};
@@ -62,6 +52,7 @@ pub use plates::{Panel, PanelDrawing, Plate};
 pub use response::ResponsePage;
 pub use runs::{DifferingTable, RunsPage};
 pub use scene::{ScenePage, ShownPair};
+pub use sections::*;
 pub use series::Series;
 pub use shares::{ShareCurve, Shares};
 pub use strips::{StripRow, Strips};
@@ -69,33 +60,10 @@ pub use survey::{STILL_PX, SceneReport};
 pub use tables::{FigureCell, FigureRow, FigureTable, TablesPage};
 pub use text_table::{aligned, pair_errors_csv};
 
-impl Report {
-    /// The page, complete.
-    ///
-    /// Values that are not finite are shown as a dash, gaps or marks at the edge of the plot; empty
-    /// parts are left out.
-    ///
-    /// # Errors
-    ///
-    /// [`ReportError::Length`] when series that belong together differ in length.
-    pub fn to_html(&self) -> Result<String, ReportError> {
-        self.check()?;
-        Ok(page::page(self))
-    }
-
-    /// Every chart of the page, standing alone.
-    ///
-    /// # Errors
-    ///
-    /// As of [`Self::to_html`], and [`ReportError::Drawing`].
-    pub fn figures(&self) -> Result<Vec<Figure>, ReportError> {
-        figure::figures(&self.to_html()?).map_err(ReportError::Drawing)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use echoloop_closed_loop::evaluation::objective::PairError;
 
     #[test]
     fn an_empty_report_is_still_a_page() {
@@ -122,11 +90,20 @@ mod tests {
     }
 
     #[test]
-    fn text_is_escaped_wherever_it_stands() {
+    fn text_is_escaped_in_every_section() {
         let evil = "<script>\"&'".to_owned();
         let trace =
             ParameterTrace { name: evil.clone(), unit: evil.clone(), ..ParameterTrace::default() };
-        let pair = PairError { label: evil.clone(), ..PairError::default() };
+        let error = PairError {
+            pair: 0,
+            translation_m: f64::NAN,
+            rotation_deg: f64::NAN,
+            frobenius: f64::NAN,
+            points: [0; 2],
+            stop: evil.clone(),
+            iterations: 0,
+        };
+        let pair = PairErrors { label: evil.clone(), default: error.clone(), tuned: error };
         let report = Report {
             title: evil.clone(),
             subtitle: evil.clone(),

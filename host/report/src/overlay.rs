@@ -1,4 +1,4 @@
-//! Two clouds from above, one laid on the other.
+//! Two registered clouds from above.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -11,7 +11,7 @@ use super::theme::ink;
 
 const SIDE: f64 = 330.0;
 
-/// Points of one cloud nearer than this on the drawing are drawn as one.
+/// Side of the grid, pixels, in a cell of which only one point of a cloud is drawn.
 const GRAIN: f64 = 0.8;
 
 pub(super) const KEYS: [Key<'static>; 2] =
@@ -20,13 +20,13 @@ pub(super) const KEYS: [Key<'static>; 2] =
 /// A panel of two clouds.
 #[derive(Clone, Debug)]
 pub struct Overlay {
-    /// Half of the side of the square that is seen, m.
+    /// Half the side of the visible square, m.
     pub half_m: f64,
-    /// Its middle, m.
+    /// Centre of the visible square, m.
     pub centre_m: [f64; 2],
     /// Target and source, x and y in the target's frame, m.
     pub clouds: [Vec<[f64; 2]>; 2],
-    /// Length of the bar that tells the scale, m.
+    /// Length of the scale bar, m.
     pub bar_m: f64,
 }
 
@@ -60,7 +60,7 @@ impl Overlay {
         })
     }
 
-    /// All points as one path of dots: strokes of no length to speak of, with round ends.
+    /// All points as one path: each a stroke of a tenth of a pixel, whose round ends make it a dot.
     fn dots(&self, class: &str, cloud: &[[f64; 2]], scale: f64) -> String {
         let mut seen = BTreeSet::new();
         let mut path = String::new();

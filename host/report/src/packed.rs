@@ -1,4 +1,4 @@
-//! Triangles as few bytes: what a page carries of a scene.
+//! Triangles of a scene in few bytes, for its page.
 //!
 //! ```text
 //! corner   code = round((p − low) / (high − low) · 65535), of each coordinate
@@ -19,34 +19,34 @@ use echoloop_sim::scene::Mesh;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 
-/// The most triangles that a page carries: some 25 MB of text, and what a small graphics card
-/// turns.
+/// Greatest number of triangles on a page: some 25 MB of text, within reach of a small graphics
+/// card.
 pub(super) const MOST_TRIANGLES: usize = 4_000_000;
 
 /// Steps of a coordinate along its side of the box: 16 bits.
 const STEPS: f64 = 65_535.0;
 
-/// A mesh packed.
+/// A packed mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Packed {
     /// Smallest corner of the mesh's box, metres.
     pub(super) low: [f64; 3],
-    /// Its sides, metres.
+    /// Sides of the box, metres.
     pub(super) extent: [f64; 3],
-    /// Corners.
+    /// Number of distinct corners.
     pub(super) vertices: usize,
-    /// Index of a material and how many triangles have it, in their order.
+    /// Index of each material and its number of triangles, in the order of the triangles.
     pub(super) groups: Vec<(u8, usize)>,
-    /// Triangles whose corners are not three any more at these steps: left out.
+    /// Number of triangles left out because corners fell together at these steps.
     pub(super) collapsed: usize,
-    /// The smallest of a mesh that has more than a page carries: left out.
+    /// Number of triangles left out as the smallest of too many.
     pub(super) smallest: usize,
-    /// All of it, compressed.
+    /// Corners and indices, compressed.
     pub(super) bytes: Vec<u8>,
 }
 
 impl Packed {
-    /// Packs a mesh, the `most` largest triangles of it.
+    /// Packs the `most` largest triangles of a mesh.
     pub(super) fn new(mesh: &Mesh, most: usize) -> Self {
         let (low, high) = mesh.bounds().unwrap_or_default();
         let extent: [f64; 3] = from_fn(|k| f64::from(high[k]) - f64::from(low[k]));
@@ -72,7 +72,7 @@ impl Packed {
         }
     }
 
-    /// Side of a step, metres.
+    /// Length of a step along each axis, metres.
     pub(super) fn step_m(&self) -> [f64; 3] {
         self.extent.map(|side| side / STEPS)
     }
@@ -85,7 +85,7 @@ fn code(vertex: &[f32; 3], low: &[f64; 3], extent: &[f64; 3]) -> [u16; 3] {
     })
 }
 
-/// The triangles to keep, in their order; of equal ones those that come first.
+/// Indices of the largest triangles, rising; ties go to the earlier one.
 fn largest(mesh: &Mesh, most: usize) -> Vec<usize> {
     let mut kept: Vec<usize> = (0..mesh.triangles.len()).collect();
     if kept.len() > most {
@@ -96,7 +96,7 @@ fn largest(mesh: &Mesh, most: usize) -> Vec<usize> {
     kept
 }
 
-/// Equal corners once, in the order in which they come, and the bytes of the indices into them.
+/// Distinct corners in the order of their first use, and the bytes of the indices into them.
 fn shared(corners: impl Iterator<Item = [u16; 3]>) -> (Vec<[u16; 3]>, Vec<u8>) {
     let (mut seen, mut unique, mut bytes) = (HashMap::new(), Vec::new(), Vec::new());
     for corner in corners {
@@ -118,7 +118,7 @@ fn leb128(mut number: usize, bytes: &mut Vec<u8>) {
     bytes.push(number as u8);
 }
 
-/// Each coordinate's differences from corner to corner: low bytes, then high bytes.
+/// Differences of each coordinate from corner to corner: low bytes, then high bytes.
 fn differences(corners: &[[u16; 3]]) -> Vec<u8> {
     let of_axis = |axis: usize| {
         let before = [0].into_iter().chain(corners.iter().map(move |corner| corner[axis]));
@@ -132,7 +132,7 @@ fn differences(corners: &[[u16; 3]]) -> Vec<u8> {
     [0, 1, 2].map(of_axis).concat()
 }
 
-/// How often each value comes, of values that come together.
+/// Run lengths: each value with the length of its run.
 fn runs(values: impl Iterator<Item = u8>) -> Vec<(u8, usize)> {
     values.fold(Vec::new(), |mut runs, value| {
         match runs.last_mut() {
@@ -145,7 +145,7 @@ fn runs(values: impl Iterator<Item = u8>) -> Vec<(u8, usize)> {
 
 fn deflated(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
-    // Into memory: neither of the two fails there.
+    // Writing to memory cannot fail.
     let written = encoder.write_all(bytes).and_then(|()| encoder.finish());
     written.unwrap_or_default()
 }
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_comes_back_within_half_a_step_with_the_material_of_every_triangle() {
+    fn a_packed_scene_unpacks_within_half_a_step_with_the_material_of_every_triangle() {
         let mesh = generate(SceneKind::Structured, 4).mesh;
         let packed = Packed::new(&mesh, MOST_TRIANGLES);
         let (corners, indices) = unpacked(&packed);
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn of_too_many_triangles_the_largest_are_kept_and_the_others_counted() {
+    fn the_largest_of_too_many_triangles_are_kept_and_the_others_counted() {
         let side = |k: usize| [0.5, 3.0, 1.0, 2.0][k];
         let triangle = |k: usize| [[0.0; 3], [side(k), 0.0, 0.0], [0.0, side(k), k as f32]];
         let mesh = Mesh {
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_mesh_and_an_empty_one_pack_without_numbers_that_are_none() {
+    fn a_flat_mesh_and_an_empty_one_can_be_packed() {
         let flat = Mesh {
             vertices: vec![[0.0, 0.0, 7.0], [1.0, 0.0, 7.0], [0.0, 1.0, 7.0]],
             triangles: vec![[0, 1, 2], [0, 1, 1]],

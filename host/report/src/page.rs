@@ -1,51 +1,25 @@
-//! The parts in order, with the style and the script they need.
+//! The document around the sections of a page, with its style and script.
 
-use super::data::Report;
 use super::format::escape;
-use super::{
-    clouds, convergence, correlation, cost, evaluation, front, identity, importance, pairs,
-    trajectories,
-};
 
 const STYLE: &str = include_str!("report.css");
-const CAMERA: &str = include_str!("camera.js");
-const VIEWER: &str = include_str!("viewer.js");
 const SAVE: &str = include_str!("save.js");
 
-/// Nothing may be fetched: the browser enforces what the report promises.
+/// Content security policy: the browser refuses to fetch anything.
 const POLICY: &str =
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
 
-pub(super) fn page(report: &Report) -> String {
-    let sections = [
-        header(report),
-        evaluation::section(&report.table),
-        cost::section(&report.costs),
-        front::section(&report.front),
-        convergence::section(&report.convergence),
-        trajectories::section(report),
-        importance::section(&report.importance),
-        correlation::section(report.correlation.as_ref(), report.convergence.generation.len()),
-        pairs::section(report),
-        clouds::section(report.clouds.as_ref()),
-        identity::section(&report.identity),
-        notes(&report.notes),
-    ]
-    .concat();
-    document(&report.title, &sections, &[CAMERA, SAVE, VIEWER].concat())
-}
-
-/// Puts buttons under charts that save them.
+/// Script that puts buttons under charts, which save them.
 pub(super) fn save_script() -> &'static str {
     SAVE
 }
 
-/// A whole page around sections.
+/// A document without style of its own.
 pub(super) fn document(title: &str, sections: &str, script: &str) -> String {
     document_with("", "", title, sections, script)
 }
 
-/// As [`document`], with more style, and a class for its middle.
+/// A document with more style and a class of its `main` element.
 pub(super) fn document_with(
     style: &str,
     class: &str,
@@ -65,31 +39,11 @@ pub(super) fn document_with(
     )
 }
 
-/// Names and values.
+/// A list of names and values; empty without any.
 pub(super) fn facts(facts: &[(String, String)]) -> String {
     let fact = |(name, value): &(String, String)| {
         format!("<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value))
     };
     let facts: String = facts.iter().map(fact).collect();
     if facts.is_empty() { facts } else { format!("<dl class=\"facts\">{facts}</dl>\n") }
-}
-
-fn header(report: &Report) -> String {
-    let facts = facts(&report.facts);
-    format!(
-        "<header><p class=\"eyebrow\">Echoloop</p><h1>{}</h1><p class=\"subtitle\">{}</p>\
-         {}{}{facts}</header>\n",
-        escape(&report.title),
-        escape(&report.subtitle),
-        evaluation::headline(report),
-        evaluation::tiles(&report.table)
-    )
-}
-
-fn notes(notes: &[String]) -> String {
-    if notes.is_empty() {
-        return String::new();
-    }
-    let items: String = notes.iter().map(|note| format!("<li>{}</li>", escape(note))).collect();
-    format!("<section id=\"notes\"><h2>Notes</h2><ul class=\"notes\">{items}</ul></section>\n")
 }

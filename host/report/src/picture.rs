@@ -1,22 +1,22 @@
-//! Pictures as PNG.
+//! Pictures as PNG with a palette.
 
 use std::collections::BTreeMap;
 
 use echoloop_sim::picture::Picture;
 
-/// Colours of a PNG with a palette.
+/// Greatest number of colours of a palette.
 const MOST_COLOURS: usize = 256;
 
-/// Bits of a channel by which colours are told apart while a palette is chosen.
+/// Bits of each channel that count while a palette is chosen.
 const BITS: u32 = 6;
 
-/// A picture as PNG, with what it says of itself: a keyword of PNG's (`Title`, `Software`) and a
-/// text each. 256 colours, chosen for the picture: a third of the bytes of all of them.
+/// A picture as PNG of 256 colours chosen for it, a third of the bytes of all colours. `texts` are
+/// keywords of PNG (`Title`, `Software`) with their text.
 ///
 /// # Errors
 ///
-/// What is wrong with its size or a text.
-pub fn picture_png(picture: &Picture, said: &[(&str, &str)]) -> Result<Vec<u8>, String> {
+/// A text about the size or the keyword at fault.
+pub fn picture_png(picture: &Picture, texts: &[(&str, &str)]) -> Result<Vec<u8>, String> {
     let palette = palette(picture);
     let side = |side: usize| u32::try_from(side).map_err(|_| format!("{side} pixels"));
     let mut bytes = Vec::new();
@@ -25,9 +25,9 @@ pub fn picture_png(picture: &Picture, said: &[(&str, &str)]) -> Result<Vec<u8>, 
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_palette(palette.colours.concat());
     encoder.set_compression(png::Compression::High);
-    // Neighbours in a palette are no neighbours in colour.
+    // Filters compare neighbouring indices, and those say nothing about colours.
     encoder.set_filter(png::Filter::NoFilter);
-    for (keyword, text) in said {
+    for (keyword, text) in texts {
         encoder
             .add_itxt_chunk((*keyword).to_owned(), (*text).to_owned())
             .map_err(|error| error.to_string())?;
@@ -40,17 +40,17 @@ pub fn picture_png(picture: &Picture, said: &[(&str, &str)]) -> Result<Vec<u8>, 
     Ok(bytes)
 }
 
-/// Colours, and which of them stands for a coarse one.
+/// Colours, and the index of the one for each coarse colour.
 struct Palette {
     colours: Vec<[u8; 3]>,
     index: BTreeMap<[u8; 3], u8>,
 }
 
-/// A coarse colour with all pixels that have it.
+/// A coarse colour and the pixels that have it.
 #[derive(Clone, Copy)]
 struct Shade {
     coarse: [u8; 3],
-    /// Of its pixels, each channel.
+    /// Sum of each channel over its pixels.
     sum: [u64; 3],
     pixels: u64,
 }
@@ -59,8 +59,8 @@ fn coarse(pixel: &[u8; 3]) -> [u8; 3] {
     pixel.map(|channel| channel >> (8 - BITS))
 }
 
-/// By median cut (Heckbert 1982): the box of colours whose widest side holds most is halved, until
-/// there are enough boxes.
+/// Median cut (Heckbert 1982): halves the box of colours with the greatest [`spread`] until there
+/// are enough boxes.
 fn palette(picture: &Picture) -> Palette {
     let mut boxes = vec![shades(picture)];
     while boxes.len() < MOST_COLOURS {
@@ -88,7 +88,7 @@ fn shades(picture: &Picture) -> Vec<Shade> {
     found.into_values().collect()
 }
 
-/// How much a box has to lose: its widest side, squared, times the root of its pixels. And that
+/// Spread of a box: its widest side, squared, times the root of its number of pixels. With that
 /// side's channel.
 fn spread(shades: &[Shade]) -> (u64, usize) {
     let pixels: u64 = shades.iter().map(|shade| shade.pixels).sum();
@@ -100,7 +100,7 @@ fn spread(shades: &[Shade]) -> (u64, usize) {
     (side(widest).pow(2) * pixels.isqrt(), widest)
 }
 
-/// A box along its widest side, half of its pixels on each.
+/// Splits a box across its widest side, half of the pixels on either part.
 fn halves(mut shades: Vec<Shade>) -> (Vec<Shade>, Vec<Shade>) {
     let channel = spread(&shades).1;
     shades.sort_by_key(|shade| (shade.coarse[channel], shade.coarse));
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_of_few_colours_keeps_them_all_and_what_it_says_of_itself() {
+    fn a_picture_of_few_colours_keeps_them_all_and_its_texts() {
         let colours = [[255, 0, 0], [0, 255, 0], [10, 20, 30], [200, 200, 210]];
         let pixels: Vec<[u8; 3]> = (0..60).map(|k| colours[k * k % 4]).collect();
         let picture = Picture { width: 10, height: 6, pixels: pixels.clone() };
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn of_many_colours_each_pixel_keeps_one_that_is_near() {
+    fn each_pixel_of_many_colours_keeps_a_near_one() {
         let pixels: Vec<[u8; 3]> = (0..128 * 128_u32)
             .map(|k| [(k % 128 * 2) as u8, (k / 128 * 2) as u8, (k % 97) as u8])
             .collect();
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn no_pixels_are_refused_in_words() {
+    fn a_picture_without_pixels_is_refused_in_words() {
         let picture = Picture { width: 0, height: 0, pixels: Vec::new() };
         assert!(!picture_png(&picture, &[]).expect_err("no size").is_empty());
     }

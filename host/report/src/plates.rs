@@ -1,12 +1,12 @@
-//! Figures of several panels with a caption: on a page the panels lie side by side as far as there
-//! is room, in a file all together.
+//! Figures of several panels with a caption. On a page the panels wrap to its width; a file holds
+//! all of them in rows.
 
 use super::chosen::ChosenRange;
-use super::correlation::Moved;
 use super::figure::Figure;
 use super::format::{escape, file_name, with_code};
 use super::overlay::Overlay;
 use super::plot::{Caption, Key, legend};
+use super::sections::correlation::Moved;
 use super::shares::Shares;
 use super::sheet::{Sheet, composed};
 use super::strips::Strips;
@@ -14,48 +14,48 @@ use super::strips::Strips;
 /// A figure.
 #[derive(Clone, Debug, Default)]
 pub struct Plate {
-    /// Letters, digits and dashes: its file's name, and where a page has it.
+    /// Name of its file and anchor of its section: letters, digits and dashes.
     pub name: String,
-    /// Its heading.
+    /// Heading.
     pub title: String,
-    /// What is seen, and of which cells: sentences.
+    /// Caption: sentences about the content and its cells.
     pub caption: String,
-    /// What is missing, and what would bring it; or nothing.
+    /// Missing cells and the command that makes them; empty when complete.
     pub missing: String,
-    /// Panels in a row of its file.
+    /// Number of panels in a row of its file.
     pub columns: usize,
-    /// Its panels, row by row.
+    /// Panels, row by row.
     pub panels: Vec<Panel>,
 }
 
 /// A part of a figure.
 #[derive(Clone, Debug)]
 pub struct Panel {
-    /// Different in each panel of a page.
+    /// Name, unique on the page.
     pub name: String,
-    /// What it shows.
+    /// Heading.
     pub title: String,
-    /// How.
+    /// Content.
     pub drawing: PanelDrawing,
 }
 
-/// What a panel draws.
+/// Content of a panel.
 #[derive(Clone, Debug)]
 pub enum PanelDrawing {
-    /// Shares of pairs by error.
+    /// Cumulative distributions of the error.
     Shares(Shares),
     /// The error of every pair, row by row.
     Strips(Strips),
-    /// Which parameters a search moved together.
+    /// Correlations of the parameters of a search.
     Moved(Moved),
     /// Two clouds from above.
     Overlay(Overlay),
-    /// Where in its range a parameter was chosen.
+    /// Chosen values of a parameter within its range.
     Chosen(ChosenRange),
 }
 
 impl Plate {
-    /// As a section of a page.
+    /// The figure as a section of a page.
     pub(super) fn section(&self) -> String {
         let (name, title) = (escape(&self.name), escape(&self.title));
         let missing = match self.missing.as_str() {
@@ -73,7 +73,7 @@ impl Plate {
         )
     }
 
-    /// As a drawing that stands alone.
+    /// The figure as a drawing that stands alone.
     pub(super) fn figure(&self) -> Result<Figure, String> {
         let panels: Vec<String> = self.panels.iter().map(Panel::svg).collect();
         composed(&Sheet {
@@ -86,17 +86,17 @@ impl Plate {
         })
     }
 
-    /// Whether its panels have many names, and need the page's width.
+    /// True when the panels have many names and need the full width of the page.
     fn is_map(&self) -> bool {
         matches!(self.panels.first().map(|panel| &panel.drawing), Some(PanelDrawing::Moved(_)))
     }
 
-    /// What its marks mean.
+    /// Legend of the panels.
     fn keys(&self) -> &'static [Key<'static>] {
         self.panels.first().map_or(&[], |panel| match &panel.drawing {
             PanelDrawing::Shares(_) => &super::shares::KEYS,
             PanelDrawing::Strips(_) => &super::strips::KEYS,
-            PanelDrawing::Moved(_) => &super::correlation::MOVED_KEYS,
+            PanelDrawing::Moved(_) => &super::sections::correlation::MOVED_KEYS,
             PanelDrawing::Overlay(_) => &super::overlay::KEYS,
             PanelDrawing::Chosen(_) => &super::chosen::KEYS,
         })

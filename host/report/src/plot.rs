@@ -1,5 +1,4 @@
-//! Drawings by plotters: a canvas whose colours are the style sheet's, and charts with two axes on
-//! it.
+//! Drawings by plotters: a canvas in the style sheet's colours, and charts with two axes on it.
 
 use std::io;
 
@@ -13,8 +12,7 @@ use super::axis::Axis;
 use super::format::escape;
 use super::theme::{ink, themed};
 
-/// plotters places things on whole units; this many of them make one of ours, a pixel at the
-/// natural size.
+/// Units of plotters, which places on whole ones, in a pixel at the natural size.
 pub(super) const FINE: f64 = 10.0;
 
 /// A point on the drawing, y down.
@@ -22,7 +20,7 @@ pub(super) type Px = [f64; 2];
 pub(super) type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 pub(super) type Drawn = Result<(), DrawingAreaErrorKind<io::Error>>;
 
-/// Whole units of plotters.
+/// Pixels in whole units of plotters.
 pub(super) fn fine(pixels: f64) -> i32 {
     (pixels * FINE).round() as i32
 }
@@ -31,8 +29,8 @@ pub(super) fn at([x, y]: Px) -> (i32, i32) {
     (fine(x), fine(y))
 }
 
-/// What a chart is called, and what is said beside it: with these it can stand alone. Without a
-/// name it is part of a page only.
+/// Name, title and legend of a chart that can stand alone. Without a name it is part of a page
+/// only.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Caption<'a> {
     /// Letters, digits and dashes.
@@ -41,7 +39,7 @@ pub(super) struct Caption<'a> {
     pub(super) keys: &'a [Key<'a>],
 }
 
-/// An SVG element of this size; `label` is what a screen reader says. What `draw` puts into the
+/// An SVG element of this size; a screen reader reads `label`. SVG that `draw` appends to the
 /// string lies on top.
 pub(super) fn drawing(
     caption: &Caption<'_>,
@@ -63,17 +61,17 @@ pub(super) fn drawing(
     )
 }
 
-/// Height of a line of a caption.
+/// Height of a line of a caption, pixels.
 const LINE: f64 = 20.0;
 
-/// Room around a chart that stands alone.
+/// Room around a chart that stands alone, pixels.
 const MARGIN: f64 = 10.0;
 
-/// Wide enough for a letter of a caption.
+/// Greatest mean width of a caption's letters, pixels.
 const LETTER: f64 = 6.8;
 
-/// Of a named chart the attributes that say so, and its title and legend, which only show where it
-/// stands alone: in a page they are text beside it.
+/// Attributes of a named chart, and its title and legend as SVG. Those show only where the chart
+/// stands alone; on a page they are text beside it.
 fn own_caption(caption: &Caption<'_>, [width, height]: Px) -> (String, String) {
     if caption.name.is_empty() {
         return Default::default();
@@ -98,7 +96,7 @@ pub(super) fn own_text([x, y]: Px, class: &str, text: &str) -> String {
     format!("<text class=\"{class}\" x=\"{x}\" y=\"{y}\">{}</text>", escape(text))
 }
 
-/// A legend in lines from `y` on, and how high it is.
+/// A legend as SVG in lines from `y` down, and its height.
 pub(super) fn own_legend(keys: &[Key<'_>], width: f64, y: f64) -> (String, f64) {
     let (mut x, mut line, mut drawn) = (4.0, 0.0, String::new());
     for (class, sample, text) in keys {
@@ -115,7 +113,7 @@ pub(super) fn own_legend(keys: &[Key<'_>], width: f64, y: f64) -> (String, f64) 
     (drawn, height)
 }
 
-/// Text of a class, placed by `h` and `v`. Font and size are the style sheet's.
+/// Style of text of a class, anchored by `h` and `v`. The style sheet sets font and size.
 pub(super) fn text(class: &str, h: HPos, v: VPos) -> TextStyle<'static> {
     TextStyle {
         color: ink(class).to_backend_color(),
@@ -131,18 +129,19 @@ pub(super) fn hint((left, top): (i32, i32), (right, bottom): (i32, i32), hint: &
     format!("<rect class=\"hint-area\" {area}><title>{}</title></rect>", escape(hint))
 }
 
-/// What stands around a chart.
+/// Caption, size and titles of a chart.
 pub(super) struct Frame<'a> {
     pub(super) caption: Caption<'a>,
     pub(super) size: Px,
+    /// Text for a screen reader.
     pub(super) label: &'a str,
-    /// Above the left axis; none leaves no room.
+    /// Title above the left axis; empty: no room for it.
     pub(super) y_title: &'a str,
-    /// Under the bottom axis; none leaves no room.
+    /// Title under the bottom axis; empty: no room for it.
     pub(super) x_title: &'a str,
 }
 
-/// A chart under way.
+/// A chart while data are drawn on it.
 pub(super) struct Chart<'a, 'b> {
     chart: ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>,
     top: &'a mut String,
@@ -169,7 +168,7 @@ pub(super) fn chart(
             .y_label_area_size(fine(48.0))
             .build_cartesian_2d(x, y)?;
         let tick = text("tick", HPos::Left, VPos::Top);
-        // Two meshes: plotters gives both axes of one the same style.
+        // Two meshes, since plotters styles both axes of one alike.
         let mut levels = chart.configure_mesh();
         levels
             .disable_x_mesh()
@@ -196,7 +195,7 @@ impl<'b> Chart<'_, 'b> {
         self.chart.draw_series(elements).map(|_| ())
     }
 
-    /// A line through the finite values; it breaks at others, and a value alone becomes a dot.
+    /// A line through the finite values. It breaks at others; a lone value becomes a dot.
     pub(super) fn line(&mut self, class: &str, xs: &[f64], ys: &[f64]) -> Drawn {
         let points: Vec<_> = xs.iter().copied().zip(ys.iter().copied()).collect();
         for run in points.split(|(_, y)| !y.is_finite()) {
@@ -231,13 +230,13 @@ impl<'b> Chart<'_, 'b> {
         ))
     }
 
-    /// A line from left to right at `y`, if that is a number.
+    /// A line from left to right at `y`, if that is finite.
     pub(super) fn level(&mut self, class: &str, y: f64) -> Drawn {
         let ends = [f64::NEG_INFINITY, f64::INFINITY].map(|x| (x, y));
         self.draw(y.is_finite().then(|| PathElement::new(ends, ink(class))))
     }
 
-    /// A line from bottom to top at `x`, if that is a number.
+    /// A line from bottom to top at `x`, if that is finite.
     pub(super) fn upright(&mut self, class: &str, x: f64) -> Drawn {
         let ends = [f64::NEG_INFINITY, f64::INFINITY].map(|y| (x, y));
         self.draw(x.is_finite().then(|| PathElement::new(ends, ink(class))))
@@ -257,7 +256,7 @@ impl<'b> Chart<'_, 'b> {
         Ok(())
     }
 
-    /// The chart from `left` to `right` shows `text` under the pointer.
+    /// Shows `text` under the pointer between `left` and `right`.
     pub(super) fn hint(&mut self, left: f64, right: f64, text: &str) {
         let corners = [(left, f64::INFINITY), (right, f64::NEG_INFINITY)]
             .map(|c| self.chart.backend_coord(&c));
@@ -265,10 +264,10 @@ impl<'b> Chart<'_, 'b> {
     }
 }
 
-/// One key of a legend: the class of its sample, the sample's shape, what it means.
+/// One key of a legend: class and shape of its sample, and its meaning.
 pub(super) type Key<'a> = (&'a str, Sample, &'a str);
 
-/// How a key is drawn.
+/// Shape of a key's sample.
 #[derive(Clone, Copy)]
 pub(super) enum Sample {
     Line,
@@ -276,7 +275,7 @@ pub(super) enum Sample {
     Dot,
 }
 
-/// A legend as a list, in the page's text size whatever the plot's scale.
+/// A legend as a list, in the page's text size at any scale of the plot.
 pub(super) fn legend(keys: &[Key<'_>]) -> String {
     let items: String =
         keys.iter().map(|(class, sample, text)| key(class, *sample, text)).collect();
@@ -288,7 +287,7 @@ fn key(class: &str, sample: Sample, text: &str) -> String {
     format!("<li><svg viewBox=\"0 0 24 12\" aria-hidden=\"true\">{shape}</svg>{text}</li>")
 }
 
-/// A key's sample, 24 by 12 from a corner on, in units of which `scale` are a pixel.
+/// Sample of a key, 24 by 12 pixels from its upper left corner, `scale` units a pixel.
 fn shape(class: &str, sample: Sample, [x, y]: Px, scale: f64) -> String {
     let to = |right: f64, down: f64| {
         let [right, down] = [scale * (x + right), scale * (y + down)].map(f64::round);

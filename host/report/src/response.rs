@@ -1,4 +1,4 @@
-//! The response of an instrument as a page of its own.
+//! The page of an instrument's response.
 
 use super::axis::Axis;
 use super::format::escape;
@@ -7,19 +7,19 @@ use super::plot::{Caption, Frame, Px, Sample, chart, legend};
 
 const SIZE: Px = [880.0, 310.0];
 
-/// Half of the second plot's height, over the response's: what comes after the lobe is low.
+/// Half the range of the second plot, over the response's top: the tail after the lobe is low.
 const CLOSE_UP: f64 = 0.15;
 
-/// A response to draw: equally many lags, levels and spreads.
+/// A response to draw; lags, levels and spreads are of equal length.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ResponsePage {
-    /// Whose it is.
+    /// Heading, the name of the instrument.
     pub title: String,
-    /// Names and values that stand above.
+    /// Names and values above the plots.
     pub facts: Vec<(String, String)>,
-    /// From the top, ns.
+    /// Lags from the top, ns.
     pub lag_ns: Vec<f64>,
-    /// Over the top's.
+    /// Levels over the top's.
     pub level: Vec<f64>,
     /// σ of single echoes around it, over their height.
     pub spread: Vec<f64>,

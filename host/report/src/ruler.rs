@@ -1,4 +1,4 @@
-//! A horizontal axis that several rows share, drawn below them.
+//! A horizontal axis below rows that share it.
 
 use plotters::coord::ranged1d::{BoldPoints, Ranged, ValueFormatter};
 use plotters::element::PathElement;
@@ -8,14 +8,14 @@ use super::axis::Axis;
 use super::plot::{Canvas, Drawn, at, text};
 use super::theme::ink;
 
-/// Steps that a position is rounded to, as plotters counts whole ones.
+/// Steps along the axis: plotters maps to whole numbers.
 const STEPS: i32 = 100_000;
 
 /// Half the width of a letter of a label, pixels, and the gap on either side of a label.
 const HALF_LETTER: f64 = 3.4;
 const GAP: f64 = 4.0;
 
-/// An axis from a place on, so wide, pixels.
+/// An axis with its left end and width, pixels.
 pub(super) struct Ruler {
     pub(super) axis: Axis,
     pub(super) left: f64,
@@ -23,23 +23,23 @@ pub(super) struct Ruler {
 }
 
 impl Ruler {
-    /// Where a value lies; beyond the ends at the nearer one.
+    /// Place of a value, pixels; a value beyond the ends lies at the nearer one.
     pub(super) fn across(&self, value: f64) -> f64 {
         let share = f64::from(self.axis.map(&value, (0, STEPS))) / f64::from(STEPS);
         self.left + self.width * share
     }
 
-    /// Where the axis has its marks.
+    /// Values of the marks.
     pub(super) fn ticks(&self) -> Vec<f64> {
         self.axis.key_points(BoldPoints(8))
     }
 
-    /// A mark's number.
+    /// Text of a mark.
     pub(super) fn number(&self, tick: f64) -> String {
         self.axis.format_ext(&tick)
     }
 
-    /// Labels below `y`, the first ones first: one that would touch another is left out.
+    /// Draws labels below `y` in their order; one that would touch an earlier one is left out.
     pub(super) fn labels(&self, canvas: &Canvas<'_>, y: f64, all: &[(f64, String)]) -> Drawn {
         let mut taken: Vec<[f64; 2]> = Vec::new();
         for (tick, label) in all {

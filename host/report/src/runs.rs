@@ -1,35 +1,34 @@
-//! Several runs side by side as a page of its own.
+//! The page of several runs side by side.
 
-use super::data::{Costs, EvaluationTable};
 use super::format::{NONE, escape};
 use super::page::{document, facts};
-use super::{cost, evaluation};
+use super::sections::{Costs, EvaluationTable, cost, evaluation};
 
-/// Runs to show beside each other; the first is what the others are compared with.
+/// Runs side by side; the others are compared with the first.
 #[derive(Clone, Debug, Default)]
 pub struct RunsPage {
-    /// The page's heading.
+    /// Heading of the page.
     pub title: String,
-    /// Each run's name and what it was.
+    /// Name and description of each run.
     pub facts: Vec<(String, String)>,
-    /// What cannot be compared and why, a sentence each.
+    /// Runs that cannot be compared, with the reason, a sentence each.
     pub remarks: Vec<String>,
     /// A row a run.
     pub table: EvaluationTable,
-    /// What a scan costs.
+    /// Costs of a scan.
     pub costs: Costs,
-    /// In what the runs differ.
+    /// Differences between the runs.
     pub differing: Vec<DifferingTable>,
 }
 
-/// What is not the same in all runs.
+/// Values that differ between the runs.
 #[derive(Clone, Debug, Default)]
 pub struct DifferingTable {
-    /// Its heading.
+    /// Heading.
     pub title: String,
-    /// The runs.
+    /// Names of the runs.
     pub runs: Vec<String>,
-    /// A name, and its value in each run; none where a run has none.
+    /// A name and its value in each run; `None` where a run has none.
     pub rows: Vec<(String, Vec<Option<String>>)>,
 }
 

@@ -1,4 +1,4 @@
-//! A scene in three dimensions with its viewpoints and pairs, as a page of its own.
+//! The page of a scene: a 3D view with its viewpoints and pairs.
 
 use echoloop_sim::picture::{PITCH_RAD, Picture, YAW_RAD, colour, view_box};
 use echoloop_sim::scene::{Material, Scene};
@@ -14,48 +14,48 @@ const STYLE: &str = include_str!("scene.css");
 const CAMERA: &str = include_str!("camera.js");
 const VIEWER: &str = include_str!("scene.js");
 
-/// To the sun, unit: from the south-west, high.
+/// Unit vector to the sun, high in the south-west.
 const SUN: [f64; 3] = [-0.48, -0.36, 0.80];
 
 /// A scene to show.
 #[derive(Clone, Debug)]
 pub struct ScenePage<'a> {
-    /// The page's heading.
+    /// Heading of the page.
     pub title: String,
-    /// What stands below it.
+    /// One line under the heading.
     pub subtitle: String,
-    /// Names and values that stand above.
+    /// Names and values above the view.
     pub facts: Vec<(String, String)>,
     /// The scene.
     pub scene: &'a Scene,
-    /// Where sensors stand in it.
+    /// Pairs of viewpoints.
     pub pairs: Vec<ShownPair>,
-    /// What is seen where nothing can be drawn.
+    /// Picture in place of the view where a browser cannot draw it.
     pub still: &'a Picture,
-    /// What else there is to say, a sentence each.
+    /// Remarks, a sentence each.
     pub notes: Vec<String>,
 }
 
 /// A pair of viewpoints.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ShownPair {
-    /// What it is called.
+    /// Name.
     pub name: String,
-    /// Some words about it, for the list.
+    /// Short description, for the list.
     pub brief: String,
-    /// What is to say of it.
+    /// Full description, shown when the pair is selected.
     pub told: String,
-    /// Whether it is one to judge on, not one to tune on.
+    /// True for a held-out pair, false for a training pair.
     pub is_held_out: bool,
-    /// Where the sensors stand, metres.
+    /// Positions of the sensors, metres.
     pub at_m: [[f64; 3]; 2],
-    /// Where they look, unit.
+    /// Unit vectors of their directions of view.
     pub ahead: [[f64; 3]; 2],
 }
 
 impl ScenePage<'_> {
-    /// The page, complete: it refers to nothing outside itself, and the same data give the same
-    /// bytes. Of more than four million triangles it has the largest, and says so.
+    /// The page, complete. It refers to nothing outside itself, and the same data gives the same
+    /// bytes. It holds the four million largest triangles at most, and says so.
     ///
     /// # Errors
     ///
@@ -139,7 +139,7 @@ impl ScenePage<'_> {
         )
     }
 
-    /// What the script needs besides the geometry. No `<` in it can end the element.
+    /// Data of the script besides the geometry. `<` is escaped, so that no text ends the element.
     fn data(&self, packed: &Packed) -> String {
         let (low, high) = view_box(self.scene);
         let both = |k: usize| (f64::from(low[k]), f64::from(high[k]));

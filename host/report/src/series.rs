@@ -1,11 +1,11 @@
-//! What was tuned, as curves and marks tell it apart: by colour, and by dashes where there is none.
+//! Curves and marks of the tuned parts, distinct by colour and, without colour, by dashes.
 
 use super::plot::{Key, Sample};
 
-/// A way of tuning.
+/// Tuned parts of the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Series {
-    /// Nothing.
+    /// None.
     Default,
     /// The sensor.
     Lidar,
@@ -16,12 +16,12 @@ pub enum Series {
 }
 
 impl Series {
-    /// The class of its curve.
+    /// Class of the curve.
     pub(super) fn curve(self) -> &'static str {
         self.key().0
     }
 
-    /// What it is called.
+    /// Name in a legend.
     pub(super) fn title(self) -> &'static str {
         self.key().2
     }
@@ -30,7 +30,7 @@ impl Series {
         CURVES[self as usize]
     }
 
-    /// The class of its mark, where both together have a dot of their own.
+    /// Class of the mark.
     pub(super) fn mark(self) -> &'static str {
         match self {
             Self::Default => "dot-default",
@@ -41,7 +41,7 @@ impl Series {
     }
 }
 
-/// Their curves, in order.
+/// Legend of the curves, in the order of [`Series`].
 pub(super) const CURVES: [Key<'static>; 4] = [
     ("curve-default", Sample::Line, "default"),
     ("curve-lidar", Sample::Line, "LiDAR tuned"),

@@ -1,11 +1,11 @@
-//! Shares of pairs by error: a curve for each way of tuning.
+//! Cumulative distributions of the error, with a curve for each tuned part.
 
 use plotters::series::LineSeries;
 
 use super::axis::Axis;
 use super::format::fixed;
-use super::pairs::steps;
 use super::plot::{Caption, Frame, Key, Px, Sample, chart};
+use super::sections::pairs::steps;
 use super::series::{CURVES, Series};
 use super::theme::ink;
 
@@ -14,30 +14,30 @@ const SIZE: Px = [330.0, 230.0];
 pub(super) const KEYS: [Key<'static>; 5] =
     [CURVES[0], CURVES[1], CURVES[2], CURVES[3], ("limit", Sample::Line, "bound of success")];
 
-/// A panel of curves.
+/// Panel of cumulative distributions.
 #[derive(Clone, Debug)]
 pub struct Shares {
-    /// What the error is, with its unit.
+    /// Name and unit of the error.
     pub axis: String,
-    /// Ends of the axis, which is logarithmic.
+    /// Ends of the logarithmic axis.
     pub span: [f64; 2],
-    /// A pair beyond it has failed.
+    /// Greatest error of a success.
     pub bound: f64,
-    /// The curves there are.
+    /// Curves of the cells that are done.
     pub curves: Vec<ShareCurve>,
 }
 
 /// A curve.
 #[derive(Clone, Debug)]
 pub struct ShareCurve {
-    /// Whose.
+    /// Tuned part.
     pub series: Series,
-    /// The error of every pair.
+    /// Error of every pair.
     pub errors: Vec<f64>,
 }
 
 impl ShareCurve {
-    /// Percent of the pairs that err by no more.
+    /// Share of pairs with errors up to `bound`, percent.
     fn within(&self, bound: f64) -> f64 {
         let found = self.errors.iter().filter(|error| **error <= bound).count();
         100.0 * found as f64 / self.errors.len() as f64
@@ -60,7 +60,7 @@ impl Shares {
                 return chart.note("no cell of it is done");
             }
             chart.upright("limit", self.bound)?;
-            // The one full line first: dashes on it still show where two curves are one.
+            // The one solid line first, so that dashed curves on top of it still show.
             let (full, dashed): (Vec<&ShareCurve>, Vec<&ShareCurve>) =
                 self.curves.iter().partition(|curve| curve.series == Series::Joint);
             full.into_iter().chain(dashed).try_for_each(|curve| {
@@ -71,10 +71,10 @@ impl Shares {
     }
 
     fn label(&self, title: &str) -> String {
-        let told = self.curves.iter().map(|curve| {
+        let texts = self.curves.iter().map(|curve| {
             let within = fixed(curve.within(self.bound), 1);
             format!("{}: {within} % within the bound", curve.series.title())
         });
-        format!("{title}: {}.", told.collect::<Vec<_>>().join(", "))
+        format!("{title}: {}.", texts.collect::<Vec<_>>().join(", "))
     }
 }

@@ -1,30 +1,30 @@
-//! Several charts as one drawing that stands alone.
+//! Several panels as one drawing that stands alone.
 
 use super::figure::{Figure, RULES, attribute, png};
 use super::format::escape;
 use super::plot::{FINE, Key, own_legend, own_text};
 
-/// Panels to be put together.
+/// Panels to compose, with the texts around them.
 pub(super) struct Sheet<'a> {
     pub(super) name: &'a str,
     pub(super) title: &'a str,
-    /// What a screen reader says.
+    /// Text for a screen reader.
     pub(super) label: &'a str,
     pub(super) columns: usize,
     pub(super) keys: &'a [Key<'a>],
-    /// Named charts.
+    /// The panels: named charts as SVG.
     pub(super) panels: &'a [String],
 }
 
-/// Pixels above and beside the panels of a sheet.
+/// Room beside the panels, and above them, pixels.
 const EDGE: f64 = 10.0;
 const HEAD: f64 = 30.0;
 
-/// Wide enough for a letter of a sheet's title.
+/// Greatest mean width of a title's letters, pixels.
 const TITLE_LETTER: f64 = 7.8;
 
-/// Panels as one drawing, in rows; each column is as wide as its widest panel, each row as high as
-/// its highest.
+/// Composes the panels in rows. Each column is as wide as its widest panel, each row as high as its
+/// highest.
 pub(super) fn composed(sheet: &Sheet<'_>) -> Result<Figure, String> {
     let Sheet { name, title, label, keys, .. } = *sheet;
     let columns = sheet.columns.max(1);
@@ -71,7 +71,7 @@ fn box_of(chart: &str) -> Option<[f64; 4]> {
     sides.ok()?.try_into().ok()
 }
 
-/// Of each number the greatest side.
+/// Greatest side of each index.
 fn most(sides: impl Iterator<Item = (usize, f64)>) -> Vec<f64> {
     let mut most = Vec::new();
     for (k, side) in sides {

@@ -1,4 +1,4 @@
-//! The error of every pair as a dot, a row for each set of parameters.
+//! Errors of every pair as dots, in a row for each set of parameters.
 
 use plotters::element::{Circle, PathElement};
 use plotters::style::Color;
@@ -11,9 +11,9 @@ use super::theme::ink;
 
 const TRACK: f64 = 205.0;
 const ROW: f64 = 27.0;
-/// Left of the tracks and right of them.
+/// Room left of the tracks, and right of them, pixels.
 const NAMES: f64 = 78.0;
-const SAID: f64 = 52.0;
+const END: f64 = 52.0;
 
 pub(super) const KEYS: [Key<'static>; 5] = [
     ("dot-default", Sample::Dot, "a pair"),
@@ -23,16 +23,16 @@ pub(super) const KEYS: [Key<'static>; 5] = [
     ("limit", Sample::Line, "bound of success"),
 ];
 
-/// A panel of rows.
+/// Panel of rows.
 #[derive(Clone, Debug)]
 pub struct Strips {
-    /// What the error is, with its unit.
+    /// Name and unit of the error.
     pub axis: String,
-    /// Ends of the axis, which is logarithmic.
+    /// Ends of the logarithmic axis.
     pub span: [f64; 2],
-    /// A pair beyond it has failed.
+    /// Greatest error of a success.
     pub bound: f64,
-    /// Head of what stands at the end of the rows.
+    /// Head of the texts at the ends of the rows.
     pub said: String,
     /// The rows, from the top.
     pub rows: Vec<StripRow>,
@@ -41,24 +41,24 @@ pub struct Strips {
 /// A row.
 #[derive(Clone, Debug)]
 pub struct StripRow {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Whether it is what the figure is about.
+    /// True when the row is emphasised.
     pub strong: bool,
-    /// Each pair's error, and whether it was registered.
+    /// Error of each pair, and true when it was registered.
     pub pairs: Vec<(f64, bool)>,
-    /// The median; not finite without pairs.
+    /// Median; not finite without pairs.
     pub median: f64,
-    /// What stands at its end.
+    /// Text at the end of the row.
     pub said: String,
 }
 
 impl Strips {
     pub(super) fn svg(&self, caption: &Caption<'_>) -> String {
         let height = 20.0 + ROW * self.rows.len() as f64;
-        let size = [NAMES + TRACK + SAID, height + 46.0];
-        let told = self.rows.iter().map(|row| format!("{}: {}", row.name, row.said));
-        let label = format!("{}. {}.", caption.title, told.collect::<Vec<_>>().join(", "));
+        let size = [NAMES + TRACK + END, height + 46.0];
+        let texts = self.rows.iter().map(|row| format!("{}: {}", row.name, row.said));
+        let label = format!("{}. {}.", caption.title, texts.collect::<Vec<_>>().join(", "));
         let [low, high] = self.span;
         let ruler = Ruler { axis: Axis::between(low, high, true), left: NAMES, width: TRACK };
         drawing(caption, size, &label, |canvas, _| {
@@ -75,7 +75,7 @@ impl Strips {
         let name = text("name", HPos::Right, VPos::Center);
         canvas.draw_text(&row.name, &name, at([NAMES - 8.0, middle]))?;
         let said = text("tick", HPos::Right, VPos::Center);
-        canvas.draw_text(&row.said, &said, at([NAMES + TRACK + SAID - 2.0, middle]))?;
+        canvas.draw_text(&row.said, &said, at([NAMES + TRACK + END - 2.0, middle]))?;
         for (k, &(error, is_found)) in row.pairs.iter().enumerate() {
             let class = match (row.strong, is_found) {
                 (true, true) => "dot-tuned",
@@ -83,7 +83,7 @@ impl Strips {
                 (false, true) => "dot-default",
                 (false, false) => "dot-default hollow",
             };
-            // Spread by the golden ratio: neighbours in a list lie apart, and no draw is needed.
+            // Offsets by the golden ratio keep neighbours in the list apart without random numbers.
             let off = (0.618_034 * k as f64).fract() - 0.5;
             let place = at([ruler.across(error), middle + 0.62 * ROW * off]);
             canvas.draw(&Circle::new(place, fine(1.7), ink(class).filled()))?;

@@ -1,4 +1,4 @@
-//! Tables of figures as a page of their own.
+//! The page of tables of figures.
 
 use super::error::ReportError;
 use super::figure::Figure;
@@ -6,55 +6,55 @@ use super::format::{escape, with_code};
 use super::page::{document, facts, save_script};
 use super::plates::Plate;
 
-/// Tables, one below the other.
+/// Tables one below the other, then figures.
 #[derive(Clone, Debug, Default)]
 pub struct TablesPage {
-    /// The page's heading.
+    /// Heading of the page.
     pub title: String,
-    /// What it is, in a sentence.
+    /// A sentence under the heading.
     pub subtitle: String,
     /// Names and values.
     pub facts: Vec<(String, String)>,
-    /// What has to be known to read it, a sentence each.
+    /// Remarks, a sentence each.
     pub remarks: Vec<String>,
     /// The tables.
     pub tables: Vec<FigureTable>,
-    /// Figures, below the tables.
+    /// The figures.
     pub plates: Vec<Plate>,
 }
 
-/// One of them.
+/// One table.
 #[derive(Clone, Debug, Default)]
 pub struct FigureTable {
-    /// Its heading.
+    /// Heading.
     pub title: String,
-    /// What it says, in a sentence.
+    /// A sentence under the heading.
     pub lead: String,
-    /// Heads of the columns, that of the rows' names first.
+    /// Heads of the columns, first that of the rows' names.
     pub heads: Vec<String>,
-    /// Its rows.
+    /// Rows.
     pub rows: Vec<FigureRow>,
 }
 
 /// A row.
 #[derive(Clone, Debug, Default)]
 pub struct FigureRow {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Whether it is what the table is about.
+    /// True when the row is emphasised.
     pub strong: bool,
-    /// Its cells.
+    /// Cells.
     pub cells: Vec<FigureCell>,
 }
 
-/// A figure, what it lies within, and what stands beside it.
+/// A figure with its interval and a figure to compare it with.
 #[derive(Clone, Debug, Default)]
 pub struct FigureCell {
-    /// With its unit.
+    /// Value with its unit.
     pub value: String,
-    /// Its interval, or nothing.
+    /// Interval; may be empty.
     pub within: String,
-    /// Another's figure, or nothing.
+    /// Figure from elsewhere, such as the paper's; may be empty.
     pub beside: String,
 }
 
@@ -106,7 +106,7 @@ fn row(row: &FigureRow, heads: &[String]) -> String {
     format!("<tr{class}><th scope=\"row\">{}</th>{cells}</tr>", escape(&row.name))
 }
 
-/// The column's name stands in each cell too: on a narrow page a row is a card.
+/// A cell that repeats its column's name: on a narrow page a row becomes a card.
 fn cell((cell, head): (&FigureCell, &String)) -> String {
     let small = |class: &str, text: &str| match text {
         "" => String::new(),
@@ -126,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_text_is_on_the_page_escaped_and_each_cell_says_its_column() {
+    fn texts_are_on_the_page_escaped_and_each_cell_names_its_column() {
         let cell = |value: &str| FigureCell {
             value: value.into(),
             within: "1 to 3".into(),

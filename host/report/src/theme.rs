@@ -1,9 +1,8 @@
-//! From the colours plotters knows to classes of the style sheet, so that dark mode and print
-//! follow.
+//! Classes of the style sheet in place of plotters' colours, so that dark mode and print follow.
 
 use plotters::style::RGBColor;
 
-/// Every class a plot may use. Each has a colour of its own while plotters draws, and none after.
+/// Classes of all plots. While plotters draws, each is encoded as a colour of its own.
 #[rustfmt::skip]
 pub(super) const CLASSES: [&str; 45] = [
     "grid", "frame", "tick", "axis", "limit", "default", "best", "median", "mean-point", "band",
@@ -15,14 +14,14 @@ pub(super) const CLASSES: [&str; 45] = [
     "middle", "unlearned",
 ];
 
-/// The colour that stands for `class` until [`themed`] has seen it.
+/// Colour that encodes `class` until [`themed`] puts the class in its place.
 pub(super) fn ink(class: &str) -> RGBColor {
     let index = CLASSES.iter().position(|known| *known == class);
     RGBColor(0xEC, 0x40, index.expect("plots use classes of the theme only") as u8)
 }
 
-/// The content of an SVG by plotters with classes in place of colours and without what the style
-/// sheet says anyway.
+/// Content of an SVG by plotters with classes in place of colours, and without attributes that the
+/// style sheet sets.
 pub(super) fn themed(svg: &str) -> String {
     let content = svg.split_once('>').map_or(svg, |(_, content)| content).replace('\n', "");
     let plain = [

@@ -4,7 +4,7 @@
 mod synthetic;
 
 use crate::browser::open;
-use echoloop_report::{CloudLayer, PoseError, Report};
+use echoloop_report::{CloudLayer, Report};
 
 /// A view that works lights some ten thousand pixels; a camera that looks past the clouds lights
 /// none.
@@ -276,15 +276,16 @@ fn blank(report: &mut Report) {
     series.into_iter().for_each(|values| values.fill(f64::INFINITY));
     c.default_fitness = Some(f64::NAN);
     for row in &mut report.table.rows {
-        row.recall_pct = f64::NAN;
-        row.mean_translation_cm = f64::INFINITY;
+        row.figures.recall_pct.value = f64::NAN;
+        row.figures.mean_translation_m.value = f64::INFINITY;
     }
     for p in &mut report.parameters {
         (p.min, p.max, p.default, p.tuned) = (f64::NAN, f64::INFINITY, f64::NAN, f64::NEG_INFINITY);
         p.mean.fill(f64::NAN);
     }
     for pair in &mut report.pair_errors {
-        (pair.default, pair.tuned) = (PoseError::default(), PoseError::default());
+        let unknown = synthetic::error(f64::NAN, f64::NAN);
+        (pair.default, pair.tuned) = (unknown.clone(), unknown);
     }
     if let Some(correlation) = &mut report.correlation {
         correlation.matrix.iter_mut().for_each(|row| row.fill(f64::NAN));

@@ -1,13 +1,13 @@
-//! Baseline of a short record, and its noise.
+//! Ambient and noise of a short record.
 
 // No overflow: codes are below 2¹⁵, shifts at most 7, noise below 2³² times a constant below 2¹⁵;
-// counts of memory, at least 1 where divided by.
+// counts are those of samples, and at least 1 where they divide.
 
 use echoloop_dsp::loops::{Portable, SampleLoops};
 use echoloop_dsp::q::shift_round;
 use echoloop_dsp::statistics::Statistics;
 
-/// Ambient and noise of a record that may be echo for the most part.
+/// Ambient and noise of a record that may consist mostly of echo.
 ///
 /// ```text
 /// l    = the code of rank ⌊(N − 1)/20⌋ among the N codes in order
@@ -45,15 +45,14 @@ const TWENTIETH_TO_MIDDLE: i64 = 1_684;
 /// 1/(0.3186·√6), σ of one sample over q: Q.16, nearest.
 const QUARTER_TO_SIGMA: i64 = 83_977;
 
-/// Differences from which on half of them are enough.
+/// Number of differences from which on their median alone gives σ.
 const SHORT: usize = 48;
 
 /// 1/√12, the noise of rounding to a code: Q.15 of codes, nearest.
 const QUANTISATION: i64 = 9_459;
 
 impl Baseline {
-    /// Measures codes of at most 15 − `shift` bits. `order` and `differences` are memory of at
-    /// least as many.
+    /// Measures codes of at most 15 − `shift` bits. `order` is memory for at least as many codes.
     pub fn measure(codes: &[u16], shift: u32, order: &mut [u16]) -> Self {
         let sigma = noise(codes, shift, order);
         let order = order.get_mut(..codes.len()).unwrap_or_default();
@@ -66,15 +65,15 @@ impl Baseline {
         let low_end = (low + shift_round(i64::from(sigma) * TWENTIETH_TO_MIDDLE, 14))
             .max(densest(order, shift, one_sigma).map_or(0, |dense| dense - one_sigma));
         let median = grouped_median(order, shift);
-        // Most of the record rests: then its median knows the ambient better than its lower end.
+        // In a record mostly at rest, the median is a better ambient than the lower end.
         let ambient = if median <= low_end + one_sigma { median } else { low_end };
         Self { ambient: ambient.clamp(-0x8000, 0x7fff) as i16, sigma }
     }
 }
 
-/// c of codes in order, Q1.15: the middle of the narrowest range from one code to the ⌊N/6⌋-th
-/// after it, of equals the lowest, among those that end in the lower half of the codes' span; if it
-/// is no wider than max(2·σ, one code).
+/// c of sorted codes, Q1.15: the middle of the narrowest range from one code to the ⌊N/6⌋-th after
+/// it, ties to the lowest, among those that end in the lower half of the codes' span. `None` when
+/// it is wider than max(2·σ, one code).
 fn densest(order: &[u16], shift: u32, sigma: i64) -> Option<i64> {
     let (least, most) = (i64::from(*order.first()?), i64::from(*order.last()?));
     let ranges = order
@@ -85,7 +84,7 @@ fn densest(order: &[u16], shift: u32, sigma: i64) -> Option<i64> {
     ((b - a) << shift <= (2 * sigma).max(1 << shift)).then_some(((a + b) << shift) >> 1)
 }
 
-/// m of codes in order, Q1.15.
+/// m of sorted codes, Q1.15.
 fn grouped_median(order: &[u16], shift: u32) -> i64 {
     let Some(&code) = order.get(order.len().saturating_sub(1) / 2) else { return 0 };
     let below = order.partition_point(|&c| c < code);
@@ -94,6 +93,7 @@ fn grouped_median(order: &[u16], shift: u32) -> i64 {
     (i64::from(code) << shift) - (1 << (shift - 1)) + offset
 }
 
+/// σ, Q13.19.
 fn noise(codes: &[u16], shift: u32, differences: &mut [u16]) -> u32 {
     let mut count = 0;
     for (d, around) in differences.iter_mut().zip(codes.windows(3)) {
@@ -107,7 +107,7 @@ fn noise(codes: &[u16], shift: u32, differences: &mut [u16]) -> u32 {
     let by_median = shift_round(i64::from(of_differences.sigma) * SECOND_DIFFERENCE_TO_SIGMA, 16);
     let by_quarter = match differences.len() {
         SHORT.. => i64::MAX,
-        // Of few differences an echo's flanks may be more than half.
+        // In few differences, an echo's flanks may be more than half: the quarter leaves them out.
         _ => shift_round(
             (quarter(differences, of_differences.median) << (shift + 4)) * QUARTER_TO_SIGMA,
             16,
@@ -117,7 +117,7 @@ fn noise(codes: &[u16], shift: u32, differences: &mut [u16]) -> u32 {
     by_median.min(by_quarter).max(quantisation) as u32
 }
 
-/// q of differences, which are not needed any more.
+/// q of the differences, which it overwrites.
 fn quarter(differences: &mut [u16], median: u16) -> i64 {
     differences.iter_mut().for_each(|d| *d = d.abs_diff(median));
     differences.sort_unstable();
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_that_is_hardly_more_than_an_echo_is_not_taken_for_noise() {
+    fn an_echo_that_fills_its_record_is_not_taken_for_noise() {
         let baseline = baseline(&[0, 0, 10, 20, 10, 0, 0]);
         assert_eq!(
             (baseline.ambient, baseline.sigma),

@@ -1,4 +1,4 @@
-//! Overlapping echoes apart: a sum of Gaussians, fitted together.
+//! Separation of overlapping echoes: a sum of Gaussians, fitted together.
 
 // No overflow: samples, heights and Gaussians are Q1.15, at most 32 of them; distances below 2¹⁷ in
 // Q8 where a Gaussian is not 0; sums of 2400: below 2⁵⁶; divisors are checked.
@@ -9,24 +9,24 @@ use super::gaussian::{Gaussian, MAX_SIGMA, MIN_SIGMA};
 use echoloop_dsp::peak::{MAX_CANDIDATES, Peak};
 use echoloop_dsp::q::{divide_round, shift_round};
 
-/// Rounds of the fit at most.
+/// Greatest number of rounds of the fit.
 pub const SWEEPS: usize = 60;
 
 /// One Gaussian of the sum.
 #[derive(Clone, Copy, Debug)]
 pub struct Component {
-    /// Its centre u, Q16.16 samples.
+    /// Centre u, Q16.16 samples.
     pub time: i64,
-    /// Its height A, Q1.15.
+    /// Height A, Q1.15.
     pub height: i64,
-    /// Its shape: σ.
+    /// Shape: σ.
     pub shape: Gaussian,
 }
 
-/// Components in the order of the peaks they begin from.
+/// Components in the order of their peaks.
 pub type Components = Vec<Component, MAX_CANDIDATES>;
 
-/// Fits `x ≈ Σ A·e^(−(n − u)²/2σ²)` by least squares, one component after the other, over and over.
+/// Fits `x ≈ Σ A·e^(−(n − u)²/2σ²)` by least squares, in rounds over the components.
 ///
 /// ```text
 /// m[n]  = Σ (A·g(n − u) + 2¹⁴) >> 15                      over all components
@@ -47,7 +47,7 @@ pub type Components = Vec<Component, MAX_CANDIDATES>;
 /// | `σ²`, `v` | Q8 samples²: σ·σ >> 8; quotients nearest |
 /// | `σ` | Q8 samples: ⌊√(σ² · 2⁸)⌋, within ⌊0.7 σ⌋, ⌊1.4 σ⌋ (179, 358 of 2⁸) and its bounds |
 ///
-/// It ends after [`SWEEPS`] rounds, or when one moved no centre by 2⁻⁸ samples and no σ at all.
+/// It ends after [`SWEEPS`] rounds, or after one that moved no centre by 2⁻⁸ samples and no σ.
 /// Adaptive Gaussian moments, made joint: derived in benches/record/finder.md, Overlapping echoes
 /// apart.
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +57,7 @@ pub struct Fit<'a> {
 }
 
 impl Fit<'_> {
-    /// Fits one component to each peak. `model` is memory of at least as many samples as x.
+    /// Fits one component to each peak. `model` is memory for at least as many samples as x.
     pub fn run(&self, peaks: &[Peak], model: &mut [i32]) -> Components {
         let model = model.get_mut(..self.x.len()).unwrap_or_default();
         model.fill(0);
@@ -79,9 +79,9 @@ impl Fit<'_> {
         components
     }
 
-    /// At the peak's sample, as high as it; σ = w/1.177 (217 of 2⁸, at least 1), w being the
-    /// samples to the nearer side where x first is at most half as high, or more than a fiftieth of
-    /// the height above the last sample, or ends.
+    /// Component at the peak's sample and height, with σ = w/1.177 (217 of 2⁸, at least 1). w is
+    /// the distance, samples, to the nearer side where x falls to half the height, rises by more
+    /// than a fiftieth of it, or ends.
     fn first_guess(&self, peak: &Peak) -> Component {
         let index = usize::from(peak.index);
         let height = self.x.get(index).map_or(0, |&x| i64::from(x)).max(1);
@@ -92,24 +92,24 @@ impl Fit<'_> {
         Component { time: i64::from(peak.index) << 16, height, shape }
     }
 
-    /// One step of one component; whether it moved.
+    /// One step of one component; true when it moved.
     fn update(&self, component: &mut Component, others: &[i32]) -> bool {
         let (mut s0, mut s1, mut s2) = (0, 0, 0);
-        for (r, d) in self.left_over(component, others) {
+        for (r, d) in self.residuals(component, others) {
             let w = shift_round(r * component.shape.at(d), 15);
             s0 += w;
             s1 += w * d;
             s2 += w * ((d * d) >> 8);
         }
         if s0 <= 0 {
-            return false; // nothing is left for it here: it stays as it is
+            return false; // no residual here to move it by
         }
         let sigma = component.shape.sigma();
         let step = divide_round(s1 << 9, s0).clamp(-(sigma << 7), sigma << 7);
         component.time = (component.time + step).clamp(0, (self.x.len().max(1) as i64 - 1) << 16);
         component.shape = Gaussian::new(next_sigma(sigma, divide_round(s2, s0)));
         let (mut rg, mut gg) = (0, 0);
-        for (r, d) in self.left_over(component, others) {
+        for (r, d) in self.residuals(component, others) {
             let g = component.shape.at(d);
             rg += r * g;
             gg += shift_round(g * g, 15);
@@ -118,8 +118,8 @@ impl Fit<'_> {
         step.abs() >= 1 << 8 || component.shape.sigma() != sigma
     }
 
-    /// r and d around a component.
-    fn left_over(&self, component: &Component, others: &[i32]) -> impl Iterator<Item = (i64, i64)> {
+    /// r and d of the samples around a component.
+    fn residuals(&self, component: &Component, others: &[i32]) -> impl Iterator<Item = (i64, i64)> {
         let component = *component;
         let (start, end) = span(&component, self.x.len());
         let x = self.x.get(start..end).unwrap_or_default().iter();
@@ -130,7 +130,7 @@ impl Fit<'_> {
     }
 }
 
-/// The samples within reach: a range of `0..samples`.
+/// Start and end of the samples within reach, within `0..samples`.
 fn span(component: &Component, samples: usize) -> (usize, usize) {
     let centre = component.time >> 8;
     let first = ((centre - component.shape.reach()) >> 8).max(0) as usize;
@@ -138,7 +138,7 @@ fn span(component: &Component, samples: usize) -> (usize, usize) {
     (first.min(samples), last.min(samples))
 }
 
-/// Adds a component to the model, or takes it away.
+/// Adds `sign` times a component to the model.
 fn add(component: &Component, sign: i64, model: &mut [i32]) {
     let (start, end) = span(component, model.len());
     for (m, n) in model.get_mut(start..end).unwrap_or_default().iter_mut().zip(start as i64..) {
@@ -147,7 +147,7 @@ fn add(component: &Component, sign: i64, model: &mut [i32]) {
     }
 }
 
-/// Samples from a peak down to half of its height, or a valley, on one side; at least 1.
+/// Distance in samples from a peak to half its height or a valley on one side; at least 1.
 fn half_width<'a>(height: i64, side: impl Iterator<Item = &'a i16>) -> usize {
     let mut last = height;
     let down = side.take_while(|&&x| {
@@ -159,11 +159,11 @@ fn half_width<'a>(height: i64, side: impl Iterator<Item = &'a i16>) -> usize {
     down.count() + 1
 }
 
-/// σ from σ and v = S₂/S₀.
+/// The next σ, Q8 samples, from σ and v = S₂/S₀.
 fn next_sigma(sigma: i64, v: i64) -> i64 {
     let square = (sigma * sigma) >> 8;
     let next = match square - v {
-        // Within 2⁻⁴ of σ²: flatter than any Gaussian. σ grows by 1.3.
+        // v within 2⁻⁴ of σ² or above: flatter than any Gaussian, so σ grows by 1.3.
         ..=16 => (sigma * 333) >> 8,
         rest => (divide_round(v.max(0) * square, rest) << 8).isqrt(),
     };

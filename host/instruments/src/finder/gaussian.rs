@@ -1,4 +1,4 @@
-//! A Gaussian without floats.
+//! A Gaussian in integers.
 
 // No overflow: distances are Q8 within 2400 samples, below 2²⁰; 1/σ is below 2²³; table entries are
 // Q1.15.
@@ -31,7 +31,7 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// The Gaussian of a σ, Q8 samples; outside its range, the nearest.
+    /// Gaussian of σ, Q8 samples, clamped to its range.
     pub fn new(sigma: i64) -> Self {
         let sigma = sigma.clamp(MIN_SIGMA, MAX_SIGMA);
         Self { sigma, inverse: (1 << 29) / sigma }
@@ -42,7 +42,7 @@ impl Gaussian {
         self.sigma
     }
 
-    /// Where it ends: 4.5 σ, Q8 samples, rounded down.
+    /// Distance where it ends: 4.5 σ, Q8 samples, rounded down.
     pub fn reach(&self) -> i64 {
         (9 * self.sigma) >> 1
     }
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_the_function_within_two_ten_thousandths() {
+    fn the_gaussian_is_exact_within_two_ten_thousandths() {
         for sigma in [MIN_SIGMA, 256, 700, 2_560, MAX_SIGMA] {
             let gaussian = Gaussian::new(sigma);
             for distance in 0..5 * sigma {
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn far_out_it_is_nothing() {
+    fn the_gaussian_is_zero_beyond_its_reach() {
         let gaussian = Gaussian::new(0);
         assert_eq!(gaussian.sigma(), MIN_SIGMA);
         assert_eq!(gaussian.at(1 << 20), 0);

@@ -1,9 +1,9 @@
-//! Echoes of records that other instruments made: short, of unknown pulse, hardly any rest.
+//! Detector for records of other instruments: short, of an unknown pulse, with hardly any rest.
 //!
 //! The sensor knows its pulse and sees a window of mostly darkness; a record may be 20 samples of
-//! echo. So this is another detector than [`echoloop_dsp::Pipeline`], of the same stages where they
-//! fit ([`Statistics`](echoloop_dsp::statistics), [`filter`],
-//! [`split`](echoloop_dsp::split)) and of its own where they do not:
+//! echo. This detector shares stages with [`echoloop_dsp::Pipeline`] where they fit
+//! ([`Statistics`](echoloop_dsp::statistics), [`filter`], [`split`](echoloop_dsp::split)) and has
+//! its own where they do not:
 //!
 //! | stage | module | in | out |
 //! |---|---|---|---|
@@ -11,7 +11,7 @@
 //! | baseline | [`remove_baseline`] | codes | `x`, Q1.15 |
 //! | width of the pulse | [`scale`] | `x` | pulse and view, samples |
 //! | sharpening, peaks | [`split`](echoloop_dsp::split) | `x` | peaks |
-//! | overlapping echoes apart | [`components`] | `x`, the strong peaks | centres, σ |
+//! | separation of overlapping echoes | [`components`] | `x`, the strong peaks | centres, σ |
 //! | place, height, width | [`top`] | `x` or the view | [`FoundEcho`] |
 
 // No overflow: heights are Q1.15, noise below 2³² times k below 2¹⁶, times Q16.16 within 2400
@@ -39,29 +39,29 @@ use echoloop_dsp::{MAX_SAMPLES, filter};
 use scale::{Bank, MARGIN, Padded, Scale};
 use top::{Top, View};
 
-/// Share of the second difference that is taken off, 64ths.
+/// Share of the second difference that the sharpener subtracts, 64ths.
 pub const SHARPNESS: i32 = 3;
 
-/// What to look for.
+/// Settings of the search.
 #[derive(Clone, Copy, Debug)]
 pub struct FinderConfig {
     /// Left shift that brings a code to Q1.15: 1 to 7.
     pub code_shift: u32,
-    /// k: least height over σ after the sharpener, Q8.8.
+    /// k: least height in σ after the sharpener, Q8.8.
     pub snr_threshold: u32,
-    /// Least height over that of the record's highest top, Q1.15.
+    /// Least height as a share of the record's highest top, Q1.15.
     pub floor: u32,
-    /// Smallest distance of two echoes, samples; 0 counts as 1.
+    /// Least distance of two echoes, samples; 0 counts as 1.
     pub min_separation: u32,
-    /// Echoes at most, the strongest.
+    /// Greatest number of echoes; the strongest are kept.
     pub echoes: usize,
     /// The emitted pulse, when it is known.
     pub pulse: Option<Pulse>,
 }
 
 impl FinderConfig {
-    /// k = 5, a twentieth of the highest, every echo: 5 % is what receivers ring after a strong
-    /// echo.
+    /// k = 5, a floor of a twentieth of the highest, every echo. Receivers ring by up to 5 % after
+    /// a strong echo.
     pub const DEFAULT: Self = Self {
         code_shift: 1,
         snr_threshold: 5 << 8,
@@ -72,20 +72,20 @@ impl FinderConfig {
     };
 }
 
-/// What is known of the emitted pulse, from a record of it.
+/// The emitted pulse, measured in a record of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pulse {
-    /// When it peaks, Q16.16 samples.
+    /// Time of its peak, Q16.16 samples.
     pub time: i64,
-    /// Its width at half maximum, Q16.16 samples.
+    /// Full width at half maximum, Q16.16 samples.
     pub width: i64,
-    /// How much later than its top the fitted Gaussian lies, Q16.16 samples.
+    /// Time from its top to the centre of its fitted Gaussian, Q16.16 samples.
     pub skew: i64,
-    /// What comes after the top: (delay, Q16.16 samples; height over that of the top, Q1.15).
+    /// Later tops: delay, Q16.16 samples, and height over that of the top, Q1.15.
     pub ringing: [(i64, i32); RINGS],
 }
 
-/// Later tops of a pulse that are remembered.
+/// Greatest number of later tops of a pulse.
 pub const RINGS: usize = 12;
 
 /// An echo of a record.
@@ -97,26 +97,25 @@ pub struct FoundEcho {
     pub amplitude: i64,
     /// Full width at half maximum, Q16.16 samples.
     pub width: i64,
-    /// Height over σ after the sharpener, Q.8, rounded down.
+    /// Height in σ after the sharpener, Q.8, rounded down.
     pub snr: u32,
-    /// What to know about it.
+    /// Quality flags.
     pub flags: Flags,
-    /// When the waveform is highest, Q16.16 samples.
+    /// Time of the waveform's top, Q16.16 samples.
     pub top: i64,
-    /// The centre of its fitted component, Q16.16 samples; the top of an echo too weak to have
-    /// one.
+    /// Centre of its fitted component, Q16.16 samples; the top of an echo too weak for one.
     pub centre: i64,
 }
 
 /// Echoes by rising time.
 pub type FoundEchoes = Vec<FoundEcho, MAX_CANDIDATES>;
 
-/// Finds echoes in records; with working memory for one.
+/// Finds echoes in records, with working memory for one record.
 #[derive(Clone, Debug)]
 pub struct EchoFinder {
     bank: Bank,
     padded: Padded,
-    /// The view through the narrowest filter that noise allows.
+    /// The waveform through the narrowest filter that noise allows.
     view: [i16; MAX_SAMPLES],
     /// The sharpened waveform.
     sharp: [i16; MAX_SAMPLES],
@@ -156,9 +155,9 @@ impl EchoFinder {
     /// strong    = peaks with 5z ≥ max z: fitted together, see Fit
     /// ```
     ///
-    /// `k·σ_z` and `2·σ_z` are nearest; `place` says what becomes of a peak. Of the
-    /// echoes that are placed the highest stay, of equals the first, each at least min_separation
-    /// from every one that stays: two peaks that climb to one clipped top are one echo.
+    /// `k·σ_z` and `2·σ_z` are rounded to nearest; `place` makes echoes of the peaks. Of those the
+    /// highest stay, ties to the first, each at least min_separation from every other that stays:
+    /// two peaks that climb to one clipped top are one echo.
     pub fn echoes(&mut self, codes: &[u16], search: &FinderConfig) -> FoundEchoes {
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
         let shift = search.code_shift.clamp(1, 7);
@@ -186,7 +185,7 @@ impl EchoFinder {
         found
     }
 
-    /// The peaks of the sharpened waveform that become echoes, and T.
+    /// Peaks of the sharpened waveform without ringing, and T.
     fn peaks(&self, sigma: u32, pulse: u32, search: &FinderConfig) -> (Peaks, i16) {
         let z = self.sharp.get(..self.padded.x().len()).unwrap_or_default();
         let top = i64::from(z.iter().copied().max().unwrap_or_default());
@@ -206,14 +205,14 @@ impl EchoFinder {
         (found, level)
     }
 
-    /// Places each peak, if its top lies inside the record.
+    /// Makes echoes of the peaks whose tops lie inside the record.
     ///
     /// ```text
-    /// no echo  whose top, plateau and all, touches the record's first or last sample, for its
-    ///          top may lie outside; or lies no higher than the ambient
-    /// top  = climbed from the peak by at most max(1, ⌊pulse/2⌋) samples, on x if the view is the
-    ///          bank's first, else on the view
-    /// time   = the top's, if it is flat or cut off or the peak is not strong; else that within
+    /// no echo  if the top or its plateau touches the record's first or last sample, since the true
+    ///          top may lie outside; or if the top is no higher than the ambient
+    /// top    = View::climb from the peak by at most max(1, ⌊pulse/2⌋) samples, on x if the view is
+    ///          the bank's first, else on the view
+    /// time   = the top's, if it is flat or cut off or the peak is not strong; else that clamped to
     ///          u − max(X, skew + ε) .. u + max(X, −skew + ε), within the record
     /// X      = max(0, 18·σ_u − J) on x, 0 on the view;   ε = 2⁻⁴ samples
     /// J      = 23·σ·(σ_u² >> 8) / A                                       Q16.16, nearest
@@ -221,9 +220,9 @@ impl EchoFinder {
     /// width  = View::width's in the same cases; else 2.355 σ_u     603 of 2⁸, rounded down to 2⁻⁸
     /// ```
     ///
-    /// 18·σ_u, Q16.16 of Q8, is 3 % of the width at half maximum; J is twice what noise moves the
-    /// top of a Gaussian of height A by. A width that View::width does not know is 2.355 σ_u or,
-    /// without a component, the pulse's. Why: benches/record/finder.md, Time, height and width.
+    /// 18·σ_u, Q16.16 of Q8, is 3 % of the width at half maximum; J is twice the jitter that noise
+    /// gives the top of a Gaussian of height A. Where View::width is `None` the width is 2.355 σ_u
+    /// or, without a component, the pulse's. Why: benches/record/finder.md, Time, height and width.
     fn place(&mut self, peaks: &[Peak], context: &Context) -> FoundEchoes {
         let x = self.padded.x();
         let z = self.sharp.get(..x.len()).unwrap_or_default();
@@ -241,7 +240,7 @@ impl EchoFinder {
     }
 }
 
-/// What the stages before said of a record.
+/// Results of the earlier stages for a record.
 struct Context<'a> {
     search: &'a FinderConfig,
     scale: Scale,
@@ -252,8 +251,8 @@ struct Context<'a> {
 }
 
 impl Context<'_> {
-    /// x itself in little noise, else the view through the filter. Noise is that of what is looked
-    /// at; two codes are no step.
+    /// x itself in little noise, else the filtered waveform, with bounds from the noise of either.
+    /// A step of two codes is no edge of a plateau.
     fn view<'y>(&self, x: &'y [i16], filtered: &'y [i16]) -> View<'y> {
         let (y, gain) = match self.scale.view {
             0 => (x, 1 << 15),
@@ -280,7 +279,7 @@ impl Context<'_> {
         if top.clipped {
             flags |= Flags::SATURATED;
         }
-        // Less than a quarter above T.
+        // Less than a quarter above the threshold T.
         if 4 * i64::from(peak.height) < 5 * i64::from(self.level) {
             flags |= Flags::LOW_CONFIDENCE;
         }
@@ -302,14 +301,14 @@ impl Context<'_> {
         })
     }
 
-    /// The height of a top; a view as wide as the pulse lowers it by the filter's gain.
+    /// Height of a top. A view as wide as the pulse lowers it, which the filter's gain undoes.
     fn amplitude(&self, top: &Top) -> i64 {
         let matched = self.scale.view > 0
             && scale::WIDTHS.get(self.scale.view).is_some_and(|&w| w >= self.scale.pulse);
         if matched { self.narrow.amplitude(top.height.into()) } else { top.height.into() }
     }
 
-    /// The top's time, no further from the component's centre than it may be.
+    /// Time of the top, clamped to the range around the component's centre; see `place`.
     fn limited(&self, top: &Top, component: &Component) -> i64 {
         let sigma = component.shape.sigma();
         let jitter = divide_round(
@@ -330,16 +329,16 @@ impl Context<'_> {
 /// ε, Q16.16 samples.
 const SLACK: i64 = 1 << 12;
 
-/// Widths of the pulse that an undershoot comes before its swing back.
+/// Greatest delay of a swing back after an undershoot, pulse widths.
 const SWING: u32 = 3;
 
-/// Drops what a receiver adds after a strong echo.
+/// Drops ringing of the receiver after strong echoes.
 ///
-/// A top rings if the nearest one before it that is more than four times as high is followed by
-/// an undershoot, at most [`SWING`] widths of the pulse before the top, of at least three
-/// quarters of its height. Or if the emitted pulse has later tops of its own at the delays from the
-/// echoes before, within a quarter of its width, and this one is at most half as high again as all
-/// of them together.
+/// A top is ringing in two cases. The nearest earlier one that is more than four times as high is
+/// followed by an undershoot of at least three quarters of the top's height, at most [`SWING`]
+/// pulse widths before it. Or the emitted pulse has later tops at the delays from earlier echoes,
+/// within a quarter of its width, and this one is at most 1.5 times as high as all of them
+/// together.
 fn without_ringing(found: &mut Peaks, z: &[i16], width: u32, pulse: Option<&Pulse>) {
     let all = core::mem::take(found);
     for peak in &all {
@@ -357,14 +356,14 @@ fn without_ringing(found: &mut Peaks, z: &[i16], width: u32, pulse: Option<&Puls
         let expected =
             pulse.map_or(0, |pulse| found.iter().map(|b| pulse.ringing_at(b, peak)).sum());
         if !swings && 2 * i64::from(peak.height) > 3 * expected {
-            let _ = found.push(*peak); // as many as there were
+            let _ = found.push(*peak); // never full: it held all of them before
         }
     }
 }
 
 impl Pulse {
-    /// What a record of the emitted pulse says: its strongest echo, and what follows it. `None`
-    /// without any.
+    /// The pulse in a record of it: the strongest echo, and the tops after it. `None` without an
+    /// echo.
     pub fn from_record(finder: &mut EchoFinder, codes: &[u16], code_shift: u32) -> Option<Self> {
         let echoes =
             finder.echoes(codes, &FinderConfig { code_shift, floor: 328, ..FinderConfig::DEFAULT });
@@ -378,7 +377,7 @@ impl Pulse {
         Some(Self { time: main.top, width: main.width, skew: main.centre - main.top, ringing })
     }
 
-    /// How high the pulse's own later tops are at a peak, if `before` is an echo.
+    /// Height at a peak of the pulse's later tops, Q1.15, if `before` is an echo.
     fn ringing_at(&self, before: &Peak, peak: &Peak) -> i64 {
         let delay = (i64::from(peak.index) - i64::from(before.index)) << 16;
         let near = self.ringing.iter().filter(|(ring, _)| 4 * (delay - ring).abs() <= self.width);
@@ -391,13 +390,13 @@ pub fn samples(time: i64) -> f64 {
     time as f64 / 65_536.0
 }
 
-/// As Q16.16, rounded down.
+/// Samples as Q16.16, rounded down.
 pub fn from_samples(time: f64) -> i64 {
     (time * 65_536.0).floor() as i64
 }
 
-/// Keeps the highest, of equals the first, as many as asked for, each far enough from those above
-/// it; by rising time.
+/// Keeps the highest echoes, ties to the first, each far enough from those already kept; sorted by
+/// rising time.
 fn keep_strongest(found: &mut FoundEchoes, search: &FinderConfig) {
     let apart = i64::from(search.min_separation.max(1)) << 16;
     let mut order: Vec<FoundEcho, MAX_CANDIDATES> = found.clone();
@@ -407,7 +406,7 @@ fn keep_strongest(found: &mut FoundEchoes, search: &FinderConfig) {
         if found.len() < search.echoes
             && found.iter().all(|kept| (kept.time - echo.time).abs() >= apart)
         {
-            let _ = found.push(echo); // as many as there were
+            let _ = found.push(echo); // never full: it held all of them before
         }
     }
     found.sort_unstable_by_key(|echo| echo.time);

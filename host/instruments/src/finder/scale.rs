@@ -1,4 +1,4 @@
-//! How wide the pulse is, when nobody says.
+//! Width of an unknown pulse, and the filter to look at a record through.
 
 // No overflow: widths are at most 48 samples; heights Q1.15 times a gain below 2¹⁵; noise below 2³²
 // times 2¹⁰; lengths of memory.
@@ -10,14 +10,14 @@ use echoloop_dsp::q::shift_round;
 use echoloop_dsp::template::Template;
 use echoloop_dsp::{MAX_SAMPLES, MAX_TAPS};
 
-/// Widths of the bank, samples: √2 or so apart.
+/// Widths of the bank, samples, in ratios of about √2.
 pub const WIDTHS: [u32; 10] = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48];
 
-/// Room on either side of a waveform for any filter.
+/// Samples on either side of a waveform that the longest filter needs.
 pub const MARGIN: usize = MAX_TAPS / 2;
 
-/// A waveform with its first and last sample repeated around it, so that a record that is cut off
-/// has no edge of its own.
+/// A waveform with its first and last sample repeated around it, so that the ends of a record make
+/// no edges.
 #[derive(Clone, Debug)]
 pub struct Padded {
     samples: [i16; MAX_SAMPLES + MAX_TAPS + PADDING],
@@ -25,12 +25,12 @@ pub struct Padded {
 }
 
 impl Padded {
-    /// No waveform.
+    /// An empty waveform.
     pub const fn new() -> Self {
         Self { samples: [0; MAX_SAMPLES + MAX_TAPS + PADDING], length: 0 }
     }
 
-    /// Takes a waveform of at most [`MAX_SAMPLES`] samples, which `fill` writes.
+    /// Sets a waveform of at most [`MAX_SAMPLES`] samples, which `fill` writes.
     pub fn fill(&mut self, length: usize, fill: impl FnOnce(&mut [i16])) {
         self.length = length.min(MAX_SAMPLES);
         let end = MARGIN + self.length;
@@ -47,7 +47,7 @@ impl Padded {
         self.samples.get(MARGIN..MARGIN + self.length).unwrap_or_default()
     }
 
-    /// Filters it with symmetric taps and their last zero.
+    /// Filters the waveform with symmetric taps, padded to pairs.
     pub fn filter<'y>(&self, taps_in_pairs: &[i16], y: &'y mut [i16; MAX_SAMPLES]) -> &'y [i16] {
         let half = (taps_in_pairs.len().saturating_sub(1) / 2).min(MARGIN);
         let out = y.get_mut(..self.length.next_multiple_of(filter::BLOCK)).unwrap_or_default();
@@ -66,8 +66,8 @@ impl Default for Padded {
     }
 }
 
-/// Filters for pulses of many widths, to see which fits a record best and how little smoothing its
-/// noise allows.
+/// Filters for pulses of many widths. They give the width that fits a record best, and the least
+/// smoothing that its noise allows.
 ///
 /// ```text
 /// y_W     = x through the sin² pulse of W samples                     as of Template
@@ -83,12 +83,12 @@ pub struct Bank {
     templates: Vec<Template, { WIDTHS.len() }>,
 }
 
-/// What a bank says of a record.
+/// Pulse and view of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scale {
     /// Width of the pulse, samples.
     pub pulse: u32,
-    /// Which filter of the bank to look through.
+    /// Index of the filter to look through.
     pub view: usize,
 }
 
@@ -108,7 +108,7 @@ impl Bank {
         self.templates.get(index)
     }
 
-    /// Looks at a record of noise `sigma`, Q13.19; `pulse`, samples, when it is known.
+    /// Pulse and view of a record of noise `sigma`, Q13.19; `pulse`, samples, when it is known.
     pub fn scale(
         &self,
         padded: &Padded,
@@ -128,7 +128,7 @@ impl Bank {
         Scale { pulse, view }
     }
 
-    /// The least width whose SNR is nearly the best; noise is the same for all.
+    /// Least width whose SNR is at least 31/32 of the best, samples.
     fn best(&self, padded: &Padded, y: &mut [i16; MAX_SAMPLES]) -> u32 {
         let mut heights: Vec<(i64, i64, u32), { WIDTHS.len() }> = Vec::new();
         for (template, &width) in self.templates.iter().zip(&WIDTHS) {
@@ -141,7 +141,7 @@ impl Bank {
                 .copied()
                 .max()
                 .unwrap_or_default();
-            // As many as there is room for.
+            // Never full: its capacity is the number of widths.
             let _ = heights.push((i64::from(top), i64::from(template.noise_gain()), width));
         }
         let best = heights

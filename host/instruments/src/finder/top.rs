@@ -1,4 +1,4 @@
-//! The place, height and width of one top of a waveform.
+//! Place, height and width of a top of a waveform.
 
 // No overflow: samples are Q1.15, times Q16.16 within 2400 samples, 2²⁸; divisors are at least 1;
 // indices of memory.
@@ -6,13 +6,13 @@
 use echoloop_dsp::flags::Flags;
 use echoloop_dsp::q::divide_round;
 
-/// A waveform, as far as its noise lets one look at it.
+/// A waveform, smoothed as much as its noise asks for, with the bounds of its shapes.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     /// The waveform without ambient, or the filter's output, Q1.15.
     pub y: &'a [i16],
-    /// What a valley must rise by to be one, Q1.15: twice the noise, at least 1 (a sixteenth of the
-    /// top is asked as well).
+    /// Least rise after a valley, Q1.15: twice the noise, at least 1. A sixteenth of the top is
+    /// required as well.
     pub prominence: i32,
     /// Least drop that a parabola of the same edges would have inside a plateau for it to be flat,
     /// Q1.15.
@@ -26,24 +26,24 @@ pub struct View<'a> {
 pub struct Top {
     /// Time since sample 0, Q16.16 samples.
     pub time: i64,
-    /// Its sample, the first of a plateau.
+    /// Index of its sample, the first of a plateau.
     pub index: usize,
-    /// The value there, Q1.15.
+    /// Value there, Q1.15.
     pub height: i16,
-    /// Whether it ends before the record does, on both sides.
+    /// True when the record goes on beyond it on both sides.
     pub inside: bool,
-    /// Whether it is flat as nothing but a limit makes it.
+    /// True when it is flat as only a limit makes it.
     pub flat: bool,
-    /// Whether the limit is the record's highest value.
+    /// True when it is flat at the record's highest value.
     pub clipped: bool,
 }
 
-/// How wide an echo is.
+/// Width of an echo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Width {
     /// Full width at half maximum, Q16.16 samples; `None` when neither side falls to half.
     pub samples: Option<i64>,
-    /// [`Flags::MERGED`], [`Flags::TRUNCATED`].
+    /// [`Flags::MERGED`] and [`Flags::TRUNCATED`], of both sides.
     pub flags: Flags,
 }
 
@@ -55,7 +55,7 @@ impl View<'_> {
     /// Climbs from a sample to the top above it.
     ///
     /// ```text
-    /// climb    towards the higher neighbour (of equals the earlier), at most `reach` samples
+    /// climb    towards the higher neighbour (ties to the earlier), at most `reach` samples
     /// run      a..b, the equal samples around where it ends; L = b − a + 1
     /// time     L = 1: index + δ, δ the parabola's vertex; else (a + b)/2              Q16.16
     /// drop     D = (y[a] − y[a − 1]) + (y[b] − y[b + 1]), of the inner neighbours
@@ -80,7 +80,7 @@ impl View<'_> {
         self.top(index)
     }
 
-    /// The top at a sample, wherever it is.
+    /// The top at a sample.
     fn top(&self, index: usize) -> Top {
         let height = self.y.get(index).copied().unwrap_or_default();
         let equal = |v: &&i16| **v == height;
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_side_without_a_crossing_is_told_why() {
+    fn a_side_without_a_crossing_has_a_flag() {
         let merged = view(&[0, 40, 80, 60, 70, 90, 0]);
         assert_eq!(merged.width(&merged.climb(2, 9)).flags, Flags::MERGED);
         let cut = view(&[0, 40, 80, 60]);
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_panics() {
+    fn no_waveform_and_no_start_panics() {
         for y in [&[] as &[i16], &[5], &[5; 9], &[i16::MIN, i16::MAX]] {
             for start in [0, 1, usize::MAX] {
                 let view = view(y);

@@ -1,29 +1,29 @@
-//! A response and its images on rough surfaces, to be looked up at any time.
+//! Response curves on surfaces of growing roughness, interpolated at any time.
 
 /// Points of a curve per full width at half maximum.
 pub(super) const PER_WIDTH: f64 = 24.0;
 
-/// Surfaces that are prepared: the widest makes an echo some twelve times as wide as the pulse.
+/// Number of prepared surfaces: the widest makes an echo some twelve times as wide as the pulse.
 const SURFACES: i32 = 24;
 
-/// σ of the first surface over the pulse's width, and of each over the one before.
+/// σ of the first surface over the pulse's width, and of each surface over the one before.
 const FIRST: f64 = 0.12;
 const RATIO: f64 = 1.18;
 
-/// Lobes that are narrower than the response's, over its width: the echoes it comes from met
-/// surfaces, too.
+/// Widths of narrower lobes over the response's: surfaces widened the echoes that the response is
+/// estimated from.
 const NARROWER: [f64; 4] = [0.7, 0.775, 0.85, 0.925];
 
-/// Number of the surface that is none.
+/// Number of the flat surface, which gives the response itself.
 pub(super) const FLAT: f64 = NARROWER.len() as f64;
 
-/// Values on an even grid, 0 outside of it. The top is 1 and lies at time 0.
+/// Values on an even grid, 0 outside it. The top is 1, at time 0.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Curve {
     pub(super) values: Vec<f64>,
     /// Samples between two points.
     pub(super) step: f64,
-    /// Which point is time 0.
+    /// Index of the point at time 0.
     pub(super) zero: usize,
     /// Full width at half maximum, samples.
     pub(super) width: f64,
@@ -63,7 +63,7 @@ impl Curve {
         (self.time(0), self.time(self.values.len().saturating_sub(1)))
     }
 
-    /// Through a Gaussian surface of σ samples.
+    /// The curve on a Gaussian surface of σ samples.
     fn on_surface(&self, sigma: f64) -> Option<Self> {
         let sigma = sigma / self.step;
         let half = (4.0 * sigma).ceil() as usize;
@@ -78,7 +78,7 @@ impl Curve {
         Self::normal(values, self.step)
     }
 
-    /// With a narrower lobe, and what comes later as it is.
+    /// The curve with a narrower lobe and the same tail.
     fn narrower(&self, scale: f64) -> Option<Self> {
         // 1 on the lobe, down to 0 between 1.2 and 1.5 widths.
         let lobe = |time: f64| ((1.5 - time.abs() / self.width) / 0.3).clamp(0.0, 1.0);
@@ -91,7 +91,7 @@ impl Curve {
     }
 }
 
-/// Points until a side of a top of 1 falls to a half.
+/// Distance in points from a top of 1 to a half, on one side.
 fn half<'v>(side: impl Iterator<Item = &'v f64>) -> f64 {
     let (mut last, mut count) = (1.0, 0.0);
     for &v in side {
@@ -109,27 +109,27 @@ pub(super) struct Family {
     curves: Vec<Curve>,
 }
 
-/// An echo of height 1 on a surface, between two that are prepared: their points lie equally apart,
-/// so a time is as far between two points of the one as of the other.
+/// An echo of height 1 on a surface between two prepared ones. Both have the same grid, so a time
+/// has the same share between two points in both.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape<'f> {
     near: &'f [f64],
     far: &'f [f64],
-    /// Which points are time 0.
+    /// Indices of the points at time 0.
     zeros: (isize, isize),
-    /// How far from the first to the second.
+    /// Share of the way from the near to the far surface.
     share: f64,
     /// Points a sample.
     per_sample: f64,
 }
 
 impl Shape<'_> {
-    /// The value at a time from its top, linear between points and surfaces.
+    /// Value at a time from its top, linear between points and surfaces.
     #[inline]
     pub(super) fn at(&self, time: f64) -> Value {
         let place = time * self.per_sample;
         let whole = place as isize;
-        // Rounded down, without a call.
+        // Rounds down without a call of `floor`: this is the innermost loop.
         let whole = whole - isize::from(place < whole as f64);
         let (a, da) = between(self.near, whole + self.zeros.0, place - whole as f64);
         let (b, db) = between(self.far, whole + self.zeros.1, place - whole as f64);
@@ -138,7 +138,7 @@ impl Shape<'_> {
     }
 }
 
-/// The value a share from a point to the next, and their difference; 0 outside.
+/// Value at a share of the way from a point to the next, and their difference; 0 outside.
 #[inline]
 fn between(values: &[f64], point: isize, share: f64) -> (f64, f64) {
     match values.get(point as usize..) {
@@ -147,18 +147,18 @@ fn between(values: &[f64], point: isize, share: f64) -> (f64, f64) {
     }
 }
 
-/// What an echo of height 1 is at a time.
+/// An echo of height 1 at a time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Value {
     pub(super) value: f64,
-    /// Its derivative by the time at which one looks, 1/samples.
+    /// Derivative by time, 1/samples.
     pub(super) slope: f64,
-    /// Its derivative by the surface's number.
+    /// Derivative by the number of the surface.
     pub(super) growth: f64,
 }
 
 impl Family {
-    /// Prepares the surfaces.
+    /// Prepares the surfaces, narrowest echo first.
     pub(super) fn new(response: Curve) -> Self {
         let first = FIRST * response.width;
         let narrower = NARROWER.iter().filter_map(|&scale| response.narrower(scale));
@@ -173,7 +173,7 @@ impl Family {
         &self.curves[NARROWER.len()]
     }
 
-    /// The greatest number of a surface.
+    /// Greatest number of a surface.
     pub(super) fn widest(&self) -> f64 {
         (self.curves.len() - 1) as f64
     }
@@ -185,7 +185,7 @@ impl Family {
         a + (b - a) * share
     }
 
-    /// Number of the surface that makes an echo so wide.
+    /// Number of the surface that makes an echo of this width, samples.
     pub(super) fn surface(&self, width: f64) -> f64 {
         match self.curves.iter().position(|curve| curve.width >= width) {
             Some(0) => 0.0,
@@ -197,12 +197,12 @@ impl Family {
         }
     }
 
-    /// From where to where an echo reaches, samples from its top.
+    /// Begin and end of an echo, samples from its top.
     pub(super) fn reach(&self, surface: f64) -> (f64, f64) {
         self.curves[self.between(surface).0 + 1].reach()
     }
 
-    /// An echo on a surface.
+    /// Shape of an echo on a surface.
     pub(super) fn shape(&self, surface: f64) -> Shape<'_> {
         let (k, share) = self.between(surface);
         let (near, far) = (&self.curves[k], &self.curves[k + 1]);

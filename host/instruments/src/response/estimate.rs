@@ -1,31 +1,31 @@
-//! The response of an instrument, from its own recording.
+//! Estimate of an instrument's response from its own recording.
 
 use super::curve::{Curve, FLAT, Family, PER_WIDTH};
 use super::fit::{Fit, Part, samples};
 use super::robust::{beyond, clipped_rms, densest_half, median, sigma_of_magnitudes};
 use super::strong::Strong;
 
-/// Strong echoes that a recording needs, unless one says otherwise: of fewer, what many of them
-/// have in common may be their targets'.
+/// Default least number of strong echoes of a recording. What fewer have in common may come from
+/// their targets.
 pub const LEAST_ECHOES: usize = 40;
 
-/// Narrow ones of them that are enough.
+/// Least number of narrow echoes.
 const FEWEST_NARROW: usize = 24;
 
-/// Values at a lag that tell a level and a spread: see [`densest_half`].
+/// Least number of values at a lag for a level and a spread; see [`densest_half`].
 const FEWEST_VALUES: usize = 6;
 
-/// Echoes that are averaged at most: noise falls with the root of their number only.
+/// Greatest number of averaged echoes: noise falls only with the root of their number.
 const MOST: usize = 400;
 
-/// Widths that are as good as the narrowest tenth's, over those.
+/// Greatest width of a narrow echo, over that of the narrowest tenth.
 const NARROW: f64 = 1.2;
 
-/// Lags before and after the top that the response is told of, pulse widths.
+/// Range of the response before and after its top, pulse widths.
 const BEFORE: f64 = 2.5;
 const AFTER: f64 = 12.0;
 
-/// Where the main lobe ends, pulse widths from the top.
+/// End of the main lobe, pulse widths from the top.
 pub(super) const LOBE: f64 = 1.2;
 
 /// Rounds of averaging and aligning.
@@ -35,30 +35,30 @@ const ROUNDS: usize = 3;
 #[derive(Clone, Debug)]
 pub(super) struct Estimate {
     pub(super) curve: Curve,
-    /// How much echoes differ from it at each point, beyond noise, over their height.
+    /// Spread of single echoes at each point, beyond noise, over their height.
     pub(super) spread: Vec<f64>,
-    /// How many echoes it comes from.
+    /// Number of averaged echoes.
     pub(super) echoes: usize,
 }
 
 impl Estimate {
-    /// From echoes of which some have others behind them.
+    /// Estimates from echoes, some of which have other echoes behind them.
     ///
     /// ```text
-    /// narrow   at most 1.2 times as wide as a tenth of all, at least 24, or three fifths of fewer
-    ///          than 40; of them the 400 clearest
-    /// h(lag)   the mean of the densest half of x(t + lag)/A over the echoes
+    /// narrow   width ≤ 1.2 times that of the narrowest tenth; at least 24 echoes, or three fifths
+    ///          of fewer than 40; of them the 400 with the least noise
+    /// h(lag)   mean of the densest half of x(t + lag)/A over the echoes
     /// t, A     least squares against h within 0.8 widths; 3 rounds with h. In the second only the
     ///          half stays that differs least from h after its lobe: the others have more echoes
-    /// spread   σ of that half, without noise; on the lobe that of what a fit of height, time and
-    ///          surface leaves
+    /// spread   σ of the densest half, without noise; on the lobe, σ of the residuals of a fit of
+    ///          height, time and surface
     /// ```
     ///
-    /// Where the densest half is wider than noise and a third of its level make it, the records
-    /// differ by their targets. Echoes only add, so there h is their lower end: the fifth of the
-    /// values, and what noise takes it down by.
+    /// Where the densest half is wider than noise and a third of its level explain, the records
+    /// differ by their targets. Echoes only add, so h is then the lower end of the values: their
+    /// lowest fifth, corrected for noise.
     ///
-    /// `None` of fewer than `least`.
+    /// `None` with fewer than `least` echoes.
     pub(super) fn of(strong: &[Strong], least: usize) -> Option<Self> {
         let mut narrow = narrow(strong, least)?;
         let width = narrow.iter().map(|s| s.width).sum::<f64>() / narrow.len() as f64;
@@ -74,24 +74,24 @@ impl Estimate {
         Some(estimate)
     }
 
-    /// Spread on the lobe: of what no height, time and surface explains.
+    /// Sets the spread on the lobe to that of the residuals of a fit of height, time and surface.
     fn refine_lobe(&mut self, narrow: &[Strong]) {
         let family = Family::new(self.curve.clone());
         let noise = noise(narrow);
-        let left: Vec<Strong> = narrow.iter().map(|s| unexplained(s, &family)).collect();
+        let residuals: Vec<Strong> = narrow.iter().map(|s| unexplained(s, &family)).collect();
         let lobe = LOBE * self.curve.width;
         for (point, spread) in self.spread.iter_mut().enumerate() {
             let lag = self.curve.time(point);
             if lag.abs() < lobe {
                 let mut off: Vec<f64> =
-                    left.iter().filter_map(|s| Some(s.at(s.time + lag)?.abs())).collect();
+                    residuals.iter().filter_map(|s| Some(s.at(s.time + lag)?.abs())).collect();
                 *spread = beyond(sigma_of_magnitudes(&mut off), noise);
             }
         }
     }
 }
 
-/// The narrow ones, the clearest first.
+/// Narrow echoes, least noise first; `None` with too few echoes.
 fn narrow(strong: &[Strong], least: usize) -> Option<Vec<Strong>> {
     if strong.len() < least.max(FEWEST_VALUES) {
         return None;
@@ -106,12 +106,12 @@ fn narrow(strong: &[Strong], least: usize) -> Option<Vec<Strong>> {
     Some(order.into_iter().take(MOST).cloned().collect())
 }
 
-/// Noise of an echo's sample over its height, that of most.
+/// Median noise of a sample, over the echo's height.
 fn noise(narrow: &[Strong]) -> f64 {
     median(&mut narrow.iter().map(Strong::noise).collect::<Vec<_>>())
 }
 
-/// Level and spread at every lag.
+/// Level and spread at every lag. `None` without a top.
 fn averaged(narrow: &[Strong], width: f64) -> Option<Estimate> {
     let (step, noise) = (width / PER_WIDTH, noise(narrow));
     let points = 0..((BEFORE + AFTER) * PER_WIDTH) as usize;
@@ -119,14 +119,14 @@ fn averaged(narrow: &[Strong], width: f64) -> Option<Estimate> {
         let lag = point as f64 / PER_WIDTH - BEFORE;
         let values = narrow.iter().filter_map(|s| s.at(s.time + lag * width));
         let (level, spread) = most(values.collect(), lag, noise);
-        // Within a width of either end down to 0.
+        // Tapers to 0 within a width of either end.
         (level * (lag + BEFORE).min(AFTER - lag).clamp(0.0, 1.0), spread)
     };
     let (levels, spread) = points.map(level).unzip();
     Some(Estimate { curve: Curve::normal(levels, step)?, spread, echoes: narrow.len() })
 }
 
-/// Level and spread of the values at a lag, pulse widths; nothing of too few.
+/// Level and spread of the values at a lag, pulse widths; 0 with too few values.
 fn most(mut values: Vec<f64>, lag: f64, noise: f64) -> (f64, f64) {
     if values.len() < FEWEST_VALUES {
         return (0.0, 0.0);
@@ -137,12 +137,13 @@ fn most(mut values: Vec<f64>, lag: f64, noise: f64) -> (f64, f64) {
     if lag.abs() < LOBE || spread <= steady {
         return (level, beyond(spread, noise));
     }
-    // Of normal values a fifth lies 0.84 σ below their middle, a twentieth 0.80 σ below that.
+    // The lowest fifth of normal values ends 0.84 σ below their middle, the lowest twentieth
+    // another 0.80 σ below.
     let (fifth, twentieth) = (values[values.len() / 5], values[values.len() / 20]);
     (level.min(fifth + 0.84 * noise), beyond((fifth - twentieth) / 0.80, noise))
 }
 
-/// Height and time of a record's echo by least squares against the response.
+/// Fits height and time of a record's echo to the response by least squares.
 fn align(strong: &mut Strong, curve: &Curve) {
     let reach = 0.8 * curve.width;
     for _ in 0..3 {
@@ -167,7 +168,7 @@ fn align(strong: &mut Strong, curve: &Curve) {
     }
 }
 
-/// Leaves the half whose samples after the lobe differ least from the response.
+/// Keeps the half whose samples after the lobe differ least from the response.
 fn keep_plainer_half(narrow: &mut Vec<Strong>, curve: &Curve) {
     let off = |s: &Strong| {
         let after = s.time + LOBE * curve.width..s.time + AFTER * curve.width;
@@ -181,7 +182,7 @@ fn keep_plainer_half(narrow: &mut Vec<Strong>, curve: &Curve) {
     narrow.truncate(half);
 }
 
-/// A number that sorts.
+/// A number with a total order.
 #[derive(PartialEq)]
 struct Ordered(f64);
 
@@ -199,7 +200,7 @@ impl Ord for Ordered {
     }
 }
 
-/// A record without its echo as the response and a surface make it.
+/// A record minus its echo, fitted as the response on a surface.
 fn unexplained(strong: &Strong, family: &Family) -> Strong {
     let width = family.response().width;
     let lobe = strong.time - LOBE * width..strong.time + LOBE * width;
@@ -212,8 +213,8 @@ fn unexplained(strong: &Strong, family: &Family) -> Strong {
     left
 }
 
-/// Noise of a sample, and of an echo's height, in the file's units: from what lies before the first
-/// echoes, at least two widths of it and apart from them. `None` when there is too little.
+/// Noise of a sample and of an echo's height, in the file's units, from the rest before the first
+/// echoes. `None` when that is too short.
 pub(super) fn noise_at_rest(records: &[Strong], taps: &[f64], width: f64) -> Option<(f64, f64)> {
     let energy: f64 = taps.iter().map(|tap| tap * tap).sum();
     let (mut of_samples, mut of_heights) = (Vec::new(), Vec::new());
@@ -224,7 +225,7 @@ pub(super) fn noise_at_rest(records: &[Strong], taps: &[f64], width: f64) -> Opt
             continue;
         }
         let mean = rest.iter().sum::<f64>() / rest.len() as f64;
-        // The mean takes one of so many squares with it.
+        // Bessel's correction, since the mean is of the same samples.
         let share = rest.len() as f64 / (rest.len() - 1) as f64;
         let off = |x: &f64| (x - mean) * record.unit * share.sqrt();
         of_samples.extend(rest.iter().map(|x| off(x).abs()));

@@ -1,33 +1,33 @@
-//! Which of a record's tops are echoes, once the response is known.
+//! Test of a record's tops: echoes, or explained by the response of other echoes.
 
 use super::curve::FLAT;
 use super::estimate::LOBE;
 use super::fit::{Fit, Part, samples};
 use super::model::Response;
 
-/// What an echo must improve the fit by, over what noise and the model's error do.
+/// Least improvement of the fit by an echo, over noise and the model's error.
 const SIGNIFICANT: f64 = 2.0;
 
-/// Least height over noise and the error of what the others add.
+/// Least height over noise and the spread of the other echoes.
 const CLEAR: f64 = 5.5;
 
-/// Least height over what the others' response has there after its lobe.
+/// Least height over the other echoes' response there, after its lobe.
 const OVER_REPEATS: f64 = 0.5;
 
-/// Least height over the highest.
+/// Least height over that of the highest echo.
 const LEAST: f64 = 0.03;
 
-/// How far a fitted echo may lie from its top, over the greater of both widths.
+/// Greatest distance of a fitted echo from its top, over the greater of both widths.
 const NEAR: f64 = 0.6;
 
-/// How far a surface is from a Gaussian: of an echo much wider than the response, over its height.
+/// Error of the Gaussian surface for an echo much wider than the response, over its height.
 const SURFACE_ERROR: f64 = 0.05;
 
-/// Least depth of a valley that shows two echoes: over noise, and over the lower top.
+/// Least depth of a valley between two echoes, over noise and over the lower top.
 const VALLEY_OVER_NOISE: f64 = 10.0;
 const VALLEY: f64 = 0.05;
 
-/// A top of a record: samples and codes.
+/// A top of a record: time and width in samples, height in codes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
     pub(crate) time: f64,
@@ -35,19 +35,19 @@ pub(crate) struct Candidate {
     pub(crate) width: f64,
 }
 
-/// What became of a top.
+/// Outcome of the test of a top.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Verdict {
     /// An echo.
     Echo,
-    /// An echo, and others' tops are its own: the time and width of all together, samples.
+    /// An echo that took in other tops, with the time and width of all together, samples.
     Whole {
-        /// Of the fitted top.
+        /// Time of the fitted top.
         time: f64,
         /// Full width at half maximum.
         width: f64,
     },
-    /// What other echoes explain.
+    /// No echo: the response of other echoes explains it.
     Explained,
 }
 
@@ -60,24 +60,24 @@ pub(crate) struct Record<'a> {
 }
 
 impl Response {
-    /// Which tops are echoes, in the order given.
+    /// Verdict of each top, in the order given.
     ///
-    /// All are fitted, each as the response on a surface. Then, from the lowest up to the second
-    /// highest, a top c is taken out, and its neighbours n are fitted without it (R₁ is left) and
+    /// Each top is fitted as the response on a surface. Then each top c, from the lowest to the
+    /// second highest, is taken out, and its neighbours are fitted without it (residual R₁) and
     /// with it (R₂):
     ///
     /// ```text
     /// significant   √((R₁ − R₂)/Σ h²) ≥ 2·√(σ_A² + e²)
     /// e²            = Σ A²·(spread² + (0.05·k·h)²)   at c, over the other echoes
     /// clear         A_c ≥ 5.5·√(σ_A² + Σ A²·spread²), ½·Σ A·h after the lobe, 0.03·max A
-    /// two           a valley beside c, at least max(10·σ, 5 % of c) deep, at most half of which
-    ///               the others make
-    /// c stays       if it is clear, and significant with its fit in its place, or two
+    /// two           a valley beside c, at least max(10·σ, 5 % of c) deep, of which the others make
+    ///               less than half
+    /// c stays       if it is clear, and either significant with its fit near its top, or two
     /// ```
     ///
     /// σ and σ_A are the noise of a sample and of a height; k grows from 0 to 1 with the surface.
-    /// A top that goes leaves its light to its neighbours. The lowest go first, because what two
-    /// wrong ones explain together looks necessary only to each of them.
+    /// The neighbours take over the light of a top that goes. The lowest go first: of two wrong
+    /// tops that explain the same light, each alone would look necessary.
     pub(crate) fn explain(&self, record: &Record<'_>, candidates: &[Candidate]) -> Vec<Verdict> {
         if candidates.len() < 2 || record.x.is_empty() {
             return vec![Verdict::Echo; candidates.len()];
@@ -93,15 +93,16 @@ impl Response {
     }
 }
 
-/// A candidate as it is understood so far.
+/// State of a candidate.
 #[derive(Clone, Copy, Debug)]
 struct State {
     part: Part,
     stays: bool,
-    /// Whether it took in another top of its lobe.
+    /// True when it took in another top of its lobe.
     grew: bool,
 }
 
+/// Fits of all candidates of a record.
 struct Work<'a> {
     response: &'a Response,
     x: &'a [f64],
@@ -110,8 +111,8 @@ struct Work<'a> {
     noise: f64,
     /// σ_A, codes.
     height_noise: f64,
-    /// What no part explains.
-    left: Vec<f64>,
+    /// Record minus all parts, codes.
+    residual: Vec<f64>,
     states: Vec<State>,
 }
 
@@ -125,12 +126,12 @@ impl<'a> Work<'a> {
             candidates,
             noise,
             height_noise,
-            left: record.x.to_vec(),
+            residual: record.x.to_vec(),
             states: vec![state; candidates.len()],
         }
     }
 
-    /// Fits each to what the others leave, the highest first, three times over.
+    /// Fits each to the residual of the others, the highest first, in three rounds.
     fn fit_each(&mut self, order: &[usize]) {
         for round in 0..3 {
             for &index in order {
@@ -146,38 +147,40 @@ impl<'a> Work<'a> {
 
     fn first_guess(&self, index: usize) -> Part {
         let candidate = &self.candidates[index];
-        let here = candidate.time.round().clamp(0.0, (self.left.len() - 1) as f64) as usize;
+        let here = candidate.time.round().clamp(0.0, (self.residual.len() - 1) as f64) as usize;
         Part {
-            height: self.left[here].max(0.2 * candidate.height),
+            height: self.residual[here].max(0.2 * candidate.height),
             time: candidate.time,
             surface: self.response.family.surface(candidate.width),
         }
     }
 
+    /// Fits one part to the residual around `time`.
     fn fit_one(&self, part: Part, time: f64) -> Part {
         let family = &self.response.family;
         let reach = 0.7 * family.width(part.surface);
-        let range = samples(time - reach..time + reach, self.left.len());
+        let range = samples(time - reach..time + reach, self.residual.len());
         let leash = self.response.width() / 4.0;
         let mut parts = [part];
-        Fit { family, x: &self.left, range, leash }.run(&mut parts);
+        Fit { family, x: &self.residual, range, leash }.run(&mut parts);
         parts[0]
     }
 
-    /// Takes a part out of the record's model.
+    /// Takes a part out of the model.
     fn taken(&mut self, index: usize) -> Part {
         let part = self.states[index].part;
-        part.add(&self.response.family, 1.0, &mut self.left);
+        part.add(&self.response.family, 1.0, &mut self.residual);
         self.states[index].part = Part::NONE;
         part
     }
 
+    /// Puts a part into the model.
     fn put(&mut self, index: usize, part: Part) {
-        part.add(&self.response.family, -1.0, &mut self.left);
+        part.add(&self.response.family, -1.0, &mut self.residual);
         self.states[index].part = part;
     }
 
-    /// Whether a top stays.
+    /// Decides whether a top stays.
     fn decide(&mut self, index: usize) {
         let candidate = self.candidates[index];
         let group = self.neighbours(index);
@@ -190,7 +193,8 @@ impl<'a> Work<'a> {
         let near = NEAR * candidate.width.max(self.response.width());
         let is_in_place = (part.time - candidate.time).abs() <= near;
         let is_needed = improvement >= SIGNIFICANT * noise && is_in_place;
-        // A valley is what it is, however well the fit does.
+        // A valley counts even where the fit misses the top: then the top's own place and height
+        // do.
         let seen = Part {
             height: part.height.max(candidate.height / 2.0),
             time: candidate.time,
@@ -209,16 +213,16 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// The neighbours without a top and with it as the last, and √((R₁ − R₂)/Σ h²).
+    /// Fits of the neighbours without a top, and with it as the last part; and √((R₁ − R₂)/Σ h²).
     fn both(&self, around: &[Part], own: Part, top: &Candidate) -> (Vec<Part>, Vec<Part>, f64) {
         let family = &self.response.family;
         let begun = [around, &[own]].concat();
-        let x = &self.left;
+        let x = &self.residual;
         let fit = |leash| Fit { family, x, range: self.range(&begun), leash };
         let mut without = around.to_vec();
         let left_without = fit(f64::INFINITY).run(&mut without);
-        // Sums of pulses have many minima: from where they are, from narrow ones, and from the best
-        // without the top.
+        // Sums of pulses have many local minima, so three starts: the parts as they are, narrow
+        // ones, and the fit without the top plus a new part.
         let narrow = |part: &Part| Part { surface: part.surface.min(FLAT), ..*part };
         let new = Part { height: 0.3 * top.height, time: top.time, surface: FLAT };
         let starts =
@@ -233,7 +237,7 @@ impl<'a> Work<'a> {
         (without, with, gain.sqrt())
     }
 
-    /// Those that stay beside a top, nearest first on either side, if they reach it.
+    /// Nearest echo that stays on either side of a top, if it reaches the top.
     fn neighbours(&self, index: usize) -> Vec<usize> {
         let candidate = &self.candidates[index];
         let apart = |i: usize| (self.states[i].part.time - candidate.time).abs();
@@ -250,17 +254,18 @@ impl<'a> Work<'a> {
         [beside(true), beside(false)].into_iter().flatten().collect()
     }
 
+    /// Indices of the other echoes that stay.
     fn others(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
         (0..self.states.len()).filter(move |&i| i != index && self.states[i].stays)
     }
 
-    /// Parts that stay and are in the model, and those given.
+    /// Parts in the model that stay, and the given ones.
     fn with_rest<'b>(&'b self, parts: &'b [Part]) -> impl Iterator<Item = Part> + 'b {
         let in_model = self.states.iter().filter(|state| state.stays).map(|state| state.part);
         in_model.filter(|part| part.height > 0.0).chain(parts.iter().copied())
     }
 
-    /// e: what the model may be wrong by at a time.
+    /// e: error of the model at a time, codes.
     fn model_error(&self, parts: &[Part], time: f64) -> f64 {
         let family = &self.response.family;
         let error = |part: Part| {
@@ -273,7 +278,7 @@ impl<'a> Work<'a> {
         self.with_rest(parts).map(error).fold(0.0, f64::hypot)
     }
 
-    /// High enough over noise, and over what follows the others by itself.
+    /// True when a part is high enough over noise and over the response of the others.
     fn is_clear(&self, own: &Part, around: &[Part]) -> bool {
         let family = &self.response.family;
         let lobe = LOBE * self.response.width();
@@ -289,7 +294,7 @@ impl<'a> Work<'a> {
         own.height >= (OVER_REPEATS * repeats).max(CLEAR * noise).max(LEAST * highest)
     }
 
-    /// Whether the record shows a valley beside a top that the others do not make.
+    /// True when the record has a valley beside a top that the others do not make.
     fn has_valley(&self, candidate: &Candidate, around: &[Part]) -> bool {
         let reach = (self.response.width() / 6.0).max(1.0);
         let near = samples(candidate.time - reach..candidate.time + reach, self.x.len());
@@ -313,13 +318,13 @@ impl<'a> Work<'a> {
         seen.is_finite() && seen >= least && made < 0.5 * seen
     }
 
-    /// The model's value at a sample, with parts that are not in it.
+    /// Value of the model at a sample, with parts that are not in it.
     fn modelled(&self, parts: &[Part], sample: usize) -> f64 {
         let more = parts.iter().map(|part| part.at(&self.response.family, sample));
-        self.x[sample] - self.left[sample] + more.sum::<f64>()
+        self.x[sample] - self.residual[sample] + more.sum::<f64>()
     }
 
-    /// 1.3 widths around all.
+    /// Samples within 1.3 widths of any part.
     fn range(&self, parts: &[Part]) -> std::ops::Range<usize> {
         let reach = |part: &Part| 1.3 * self.response.family.width(part.surface);
         let first = parts.iter().map(|p| p.time - reach(p)).fold(f64::INFINITY, f64::min);

@@ -6,36 +6,36 @@ use nalgebra::{SMatrix, SVector};
 
 use super::curve::{FLAT, Family};
 
-/// Echoes that are fitted together at most: one, and its neighbour on either side.
+/// Greatest number of echoes fitted together: one, and its neighbour on either side.
 const MOST: usize = 3;
 
-/// Steps of a fit at most.
+/// Greatest number of steps of a fit.
 const STEPS: usize = 14;
 
-/// Least gain of a step, as a share of what is left, that another one follows.
+/// Least gain of a step, as a share of the residual, for another step.
 const GAIN: f64 = 1e-4;
 
-/// An echo as the response has it.
+/// A fitted echo: the response on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Part {
-    /// Codes.
+    /// Height, codes.
     pub(super) height: f64,
-    /// Of its top, samples.
+    /// Time of its top, samples.
     pub(super) time: f64,
     /// Number of its surface, see [`Family`].
     pub(super) surface: f64,
 }
 
 impl Part {
-    /// None.
+    /// No echo.
     pub(super) const NONE: Self = Self { height: 0.0, time: 0.0, surface: FLAT };
 
-    /// Its value at a sample.
+    /// Value at a sample, codes.
     pub(super) fn at(&self, family: &Family, sample: usize) -> f64 {
         self.height * family.shape(self.surface).at(sample as f64 - self.time).value
     }
 
-    /// Adds it, or with a negative sign takes it away.
+    /// Adds `sign` times the echo to `x`.
     pub(super) fn add(&self, family: &Family, sign: f64, x: &mut [f64]) {
         let (before, after) = family.reach(self.surface);
         let range = samples(self.time + before..self.time + after, x.len());
@@ -46,32 +46,32 @@ impl Part {
     }
 }
 
-/// The samples of a range of time, of so many.
+/// Samples within a range of time, of `count` samples.
 pub(super) fn samples(range: Range<f64>, count: usize) -> Range<usize> {
     let end = (range.end.max(-1.0).floor() as isize + 1).clamp(0, count as isize) as usize;
     (range.start.max(0.0).ceil() as usize).min(end)..end
 }
 
-/// What is fitted to.
+/// A piece of a record to fit echoes to.
 pub(super) struct Fit<'a> {
     pub(super) family: &'a Family,
-    /// Samples without ambient and without all echoes that are not fitted.
+    /// Samples without ambient and without the echoes that are not fitted, codes.
     pub(super) x: &'a [f64],
     pub(super) range: Range<usize>,
-    /// How far a time may go from where it begins, samples.
+    /// Greatest distance of a time from its start, samples.
     pub(super) leash: f64,
 }
 
-/// What is left of the record by some parts, and the normal equations there: the lower triangle,
-/// and the right side.
+/// Normal equations of some parts.
 struct Equations<const P: usize> {
-    left: f64,
+    /// Sum of the squared residuals.
+    residual: f64,
     normal: SMatrix<f64, P, P>,
     right: SVector<f64, P>,
 }
 
 impl Fit<'_> {
-    /// Levenberg–Marquardt on at most [`MOST`] echoes; gives the sum of squares that is left.
+    /// Levenberg–Marquardt on at most [`MOST`] echoes. Returns the sum of the squared residuals.
     pub(super) fn run(&self, parts: &mut [Part]) -> f64 {
         match parts {
             [] => self.x[self.range.clone()].iter().map(|x| x * x).sum(),
@@ -85,15 +85,15 @@ impl Fit<'_> {
         parts.first_chunk_mut().map_or(0.0, |parts| self.run_on::<N, P>(parts))
     }
 
-    /// Of N parts, which have P parameters.
+    /// Fits N parts, which have P = 3 N parameters.
     fn run_on<const N: usize, const P: usize>(&self, parts: &mut [Part; N]) -> f64 {
         let begun = *parts;
         let (mut here, mut damping) = (self.equations::<N, P>(parts), 1e-3);
         for _ in 0..STEPS {
             let Some(next) = self.step(&here, parts, &begun, damping) else { break };
             let there = self.equations::<N, P>(&next);
-            if there.left < here.left {
-                let is_still = here.left - there.left < GAIN * here.left;
+            if there.residual < here.residual {
+                let is_still = here.residual - there.residual < GAIN * here.residual;
                 (*parts, here, damping) = (next, there, (0.2 * damping).max(1e-6));
                 if is_still {
                     break;
@@ -104,10 +104,10 @@ impl Fit<'_> {
                 damping *= 8.0;
             }
         }
-        here.left
+        here.residual
     }
 
-    /// The parts after a damped step.
+    /// The parts after a damped step; `None` where the equations have no solution.
     fn step<const N: usize, const P: usize>(
         &self,
         at: &Equations<P>,
@@ -129,7 +129,7 @@ impl Fit<'_> {
         Some(next)
     }
 
-    /// A third of a width and four surfaces in a step at most.
+    /// A part after a step, of at most a third of a width and four surfaces.
     fn moved(&self, part: &Part, begun: f64, [height, time, surface]: [f64; 3]) -> Part {
         let reach = self.family.width(part.surface) / 3.0;
         let time = part.time + time.clamp(-reach, reach);
@@ -162,6 +162,6 @@ impl Fit<'_> {
             }
         }
         let normal = SMatrix::from_fn(|i, j| normal[i.max(j)][i.min(j)]);
-        Equations { left: sum, normal, right: right.into() }
+        Equations { residual: sum, normal, right: right.into() }
     }
 }

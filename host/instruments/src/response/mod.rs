@@ -1,13 +1,13 @@
-//! The response of an instrument: what it records of a short echo, its ringing and tail with it.
+//! Response of an instrument: its record of a short echo, with ringing and tail.
 //!
 //! ```text
 //! recording ─ strong ──── estimate ──── model ─────── explain ───────▶ verdicts
-//!             echoes that  level and     Response,     tops of a record:
-//!             stand alone  spread        text: a file  echoes or explained
+//!             lone echoes  level and     Response,     tops of a record:
+//!                          spread        text: a file  echoes or explained
 //! ```
 //!
-//! In `f64`: unlike the finder this is no candidate for an image. Why it is done so:
-//! benches/record/finder.md, The instrument's response.
+//! In `f64`: unlike the finder it will not run on a sensor. Derived in benches/record/finder.md,
+//! The instrument's response.
 
 mod curve;
 mod estimate;

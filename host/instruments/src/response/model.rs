@@ -1,4 +1,4 @@
-//! An instrument's response, and what it says of one.
+//! An instrument's response, with noise, width, tail and later tops.
 
 use rayon::prelude::*;
 
@@ -9,24 +9,24 @@ use crate::codes::Codes;
 use crate::finder::EchoFinder;
 use crate::rows::{Rows, without_padding};
 
-/// Rows that are looked at, at most, evenly spaced: a recording of a million costs no more.
+/// Greatest number of rows to estimate from, evenly spaced, which bounds the time.
 const ROWS: usize = 2048;
 
-/// Least spread of a response: no instrument repeats itself better than to 0.4 %.
+/// Least spread of a response, over its height: no instrument repeats itself to better than 0.4 %.
 const LEAST_SPREAD: f64 = 0.004;
 
-/// What an instrument records of a short echo: its level by the lag from the top, and how far
-/// single echoes are from that.
+/// An instrument's record of a short echo: level by lag from the top, and the spread of single
+/// echoes around it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response {
     pub(super) family: Family,
-    /// By point of the response's curve.
+    /// Spread at each point of the response's curve, over its height.
     spread: Vec<f64>,
-    /// How many echoes it was averaged of; `None` when it was given.
+    /// Number of echoes that it is the mean of; `None` when it was given.
     pub echoes: Option<usize>,
     /// Noise of a sample in records at rest, in the file's units; 0 when unknown.
     pub noise: f64,
-    /// Noise of an echo's height in the same.
+    /// Noise of an echo's height, in the file's units; 0 when unknown.
     height_noise: f64,
     /// Σ h² over the middle of the lobe.
     energy: f64,
@@ -41,9 +41,9 @@ pub struct Response {
 pub struct NoResponse {
     /// Rows with such an echo.
     pub found: usize,
-    /// Rows that were looked at.
+    /// Rows searched.
     pub looked: usize,
-    /// Rows with such an echo that were asked for.
+    /// Least number of rows with such an echo.
     pub least: usize,
 }
 
@@ -52,23 +52,24 @@ pub struct NoResponse {
 pub struct Later {
     /// Samples after the top.
     pub lag: f64,
-    /// Over the top's height.
+    /// Level over the top's height.
     pub level: f64,
 }
 
 impl Response {
-    /// From a recording's own strong echoes, of which there must be `least`: see [`LEAST_ECHOES`].
+    /// Estimates the response from a recording's strong echoes, at least `least`; see
+    /// [`LEAST_ECHOES`].
     ///
     /// [`LEAST_ECHOES`]: super::LEAST_ECHOES
     ///
     /// # Errors
     ///
-    /// [`NoResponse`] when it has too few.
+    /// [`NoResponse`] when the recording has too few.
     pub fn of_rows(rows: &Rows, least: usize) -> Result<Self, NoResponse> {
         Self::of_codes(rows.len(), least, |row| rows.codes(row))
     }
 
-    /// As [`Response::of_rows`], of waveforms in memory.
+    /// As [`Response::of_rows`], from waveforms in memory.
     ///
     /// # Errors
     ///
@@ -104,7 +105,7 @@ impl Response {
         response
     }
 
-    /// With the noise of a recording.
+    /// Sets the noise to that of a recording.
     #[must_use]
     pub fn with_noise_of(self, rows: &Rows) -> Self {
         self.measured(&strong(rows.len(), |row| rows.codes(row)))
@@ -116,7 +117,7 @@ impl Response {
         Self { noise, height_noise, ..self }
     }
 
-    /// Six tenths of a width either way from the top, a sample apart.
+    /// Levels within 0.6 widths of the top, a sample apart.
     fn taps(&self) -> Vec<f64> {
         let curve = self.family.response();
         let half = (0.6 * curve.width).floor() as i32;
@@ -135,7 +136,7 @@ impl Response {
         curve.values.iter().enumerate().map(level)
     }
 
-    /// How far single echoes are from the response at a lag, samples, over their height.
+    /// Spread of single echoes at a lag, samples, over their height.
     pub(super) fn spread_at(&self, lag: f64) -> f64 {
         let curve = self.family.response();
         let point = (lag / curve.step + curve.zero as f64).round();
@@ -143,9 +144,9 @@ impl Response {
         known.map_or(0.0, |spread| spread.max(LEAST_SPREAD))
     }
 
-    /// Noise of a sample and of an echo's height in a record whose samples have a noise of `sigma`:
-    /// all in codes of `unit`. The recording's own counts when it is more, for neighbours are often
-    /// alike, which one record is too short to show.
+    /// Noise of a sample and of an echo's height in a record with sample noise `sigma`, all in
+    /// codes of `unit`. The recording's noise counts where it is greater: neighbouring samples are
+    /// often correlated, which a single record is too short to show.
     pub(super) fn noise_in(&self, sigma: f64, unit: f64) -> (f64, f64) {
         let of_height = sigma / self.energy.sqrt();
         (sigma.max(self.noise / unit), of_height.max(self.height_noise / unit))
@@ -163,8 +164,8 @@ impl Response {
         self.points().filter(|p| late(p.0)).map(|p| p.1).sum::<f64>() / all
     }
 
-    /// Tops and valleys after the main lobe that stand out of what is around by at least 1 % of its
-    /// top, the highest and deepest ones, at most six, by lag.
+    /// Tops and valleys after the main lobe that stand out by at least 1 % of its top: the six
+    /// highest or deepest, by lag.
     pub fn later(&self) -> Vec<Later> {
         let lobe = LOBE * self.width();
         let tail: Vec<Later> = self
@@ -183,10 +184,10 @@ impl Response {
 /// Least height of a top of the response over the valleys beside it.
 const LEAST_TURN: f64 = 0.01;
 
-/// Where a curve turns after it rose, or fell, by at least [`LEAST_TURN`].
+/// Tops and valleys of a curve after a rise or fall of at least [`LEAST_TURN`].
 fn turns(curve: &[Later]) -> Vec<Later> {
     let Some(mut extreme) = curve.first().copied() else { return Vec::new() };
-    // It comes down from the lobe, so the first turn is a valley.
+    // The curve comes down from the lobe, so the first turn is a valley.
     let (mut found, mut rising) = (Vec::new(), false);
     for &at in curve {
         let onward = if rising { at.level - extreme.level } else { extreme.level - at.level };
@@ -197,12 +198,12 @@ fn turns(curve: &[Later]) -> Vec<Later> {
             (extreme, rising) = (at, !rising);
         }
     }
-    // A valley that is no deeper than the tail is none.
+    // A valley near zero is the tail itself.
     found.retain(|turn| turn.level.abs() >= LEAST_TURN);
     found
 }
 
-/// Records of a recording with a strong echo; of many rows every so many-th.
+/// Records with a strong lone echo, from at most [`ROWS`] rows.
 fn strong(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Vec<Strong> {
     let looked = rows.min(ROWS);
     let row = |i: usize| (i as u64 * rows as u64 / looked as u64) as usize;

@@ -1,12 +1,12 @@
-//! The middle of values of which some are of something else.
+//! Robust statistics: middle and spread of values with outliers.
 
-/// The middle; 0 of none. Sorts them.
+/// Median; 0 of no values. Sorts them.
 pub(super) fn median(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or_default()
 }
 
-/// σ of normal values over the median of what they are off by.
+/// σ of normal values over the median of their magnitudes.
 pub(super) const MEDIAN_TO_SIGMA: f64 = 1.4826;
 
 /// σ of normal values whose magnitudes are given. Sorts them.
@@ -14,8 +14,8 @@ pub(super) fn sigma_of_magnitudes(magnitudes: &mut [f64]) -> f64 {
     MEDIAN_TO_SIGMA * median(magnitudes)
 }
 
-/// Root of the mean square of magnitudes that are no outliers: at most four times what the median
-/// says of σ, or the mean, which tells codes of a step or two better. 0 of none.
+/// Root of the mean square of the sorted magnitudes up to four σ; 0 of no values. σ is the greater
+/// estimate of median and mean; the mean is better where codes differ by a step or two.
 pub(super) fn clipped_rms(magnitudes: &mut [f64]) -> f64 {
     let mean = magnitudes.iter().sum::<f64>() / magnitudes.len().max(1) as f64;
     let limit = 4.0 * sigma_of_magnitudes(magnitudes).max(1.2533 * mean);
@@ -23,12 +23,11 @@ pub(super) fn clipped_rms(magnitudes: &mut [f64]) -> f64 {
     (within.iter().map(|m| m * m).sum::<f64>() / within.len().max(1) as f64).sqrt()
 }
 
-/// Mean and σ of the half of the values, in order, that lies closest together: σ as if they were
-/// normal. (0, 0) of none.
+/// Mean and σ of the densest half of sorted values, σ as if they were normal; (0, 0) of no values.
 ///
-/// The middle half of many normal values is 1.349 σ wide. Of n values the closest half is narrower,
-/// for it is chosen, by 2.23 n^(−2/3) of that: so it is of 4000 samples of 6 to 400 values each, to
-/// 3 %. Of fewer than six it tells too little, and counts as of six.
+/// The middle half of many normal values is 1.349 σ wide. The densest half of n values is narrower
+/// by 2.23 n^(−2/3) of that, since it is selected: measured to 3 % on 4000 samples of 6 to 400
+/// values. Fewer than six values count as six.
 pub(super) fn densest_half(order: &[f64]) -> (f64, f64) {
     let half = order.len().div_ceil(2);
     let halves = order.windows(half.max(1));
@@ -39,7 +38,7 @@ pub(super) fn densest_half(order: &[f64]) -> (f64, f64) {
     dense.map_or((0.0, 0.0), |d| (d.iter().sum::<f64>() / d.len() as f64, sigma(d)))
 }
 
-/// What is left of a spread without a part of it.
+/// Spread without an independent part of it.
 pub(super) fn beyond(spread: f64, part: f64) -> f64 {
     (spread * spread - part * part).max(0.0).sqrt()
 }
@@ -51,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn outliers_do_not_count_and_codes_of_a_step_do() {
+    fn outliers_do_not_count_and_values_of_one_step_do() {
         let mut magnitudes = vec![0.0; 60];
         magnitudes.extend([1.0; 30]);
         magnitudes.extend([50.0; 2]);
@@ -60,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn the_densest_half_does_not_see_the_others() {
+    fn the_densest_half_ignores_outliers() {
         let (mean, spread) = densest_half(&[1.0, 2.0, 2.1, 2.2, 2.3, 9.0, 20.0]);
         assert!((mean - 2.15).abs() < 1e-12 && spread < 0.6);
         assert_eq!(densest_half(&[]), (0.0, 0.0));

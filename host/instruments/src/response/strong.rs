@@ -1,4 +1,4 @@
-//! A record's strongest echo, as the response is taken from.
+//! Strongest echo of a record, from which the response is estimated.
 
 use echoloop_dsp::{Flags, MAX_SAMPLES};
 
@@ -15,20 +15,22 @@ pub(super) struct Strong {
     pub(super) sigma: f64,
     /// One code in the file's units.
     pub(super) unit: f64,
-    /// Of the strongest echo: samples, codes, samples.
+    /// Time of the strongest echo, samples.
     pub(super) time: f64,
+    /// Its height, codes.
     pub(super) height: f64,
+    /// Its full width at half maximum, samples.
     pub(super) width: f64,
-    /// When the first echo is that is a fifth as high, samples: lower ones may be noise.
+    /// Time of the first echo at least a fifth as high, samples; lower ones may be noise.
     pub(super) first: f64,
 }
 
-/// Least SNR of an echo that shows its response, Q.8.
+/// Least SNR of an echo that shows the response, Q.8.
 const LEAST_SNR: u32 = 20 << 8;
 
 impl Strong {
-    /// Of a record whose strongest echo stands alone, whole and clear of noise. Of a longer one its
-    /// first [`MAX_SAMPLES`].
+    /// A record whose strongest echo stands alone, whole and clear of noise; else `None`. Only its
+    /// first [`MAX_SAMPLES`] are searched.
     pub(super) fn of_record(finder: &mut EchoFinder, codes: &Codes) -> Option<Self> {
         let first = beginning(codes);
         let search = FinderConfig { code_shift: codes.shift, ..FinderConfig::DEFAULT };
@@ -55,7 +57,7 @@ impl Strong {
         self.sigma / self.height
     }
 
-    /// The value at a time over the echo's height, by Catmull and Rom's cubic; `None` outside.
+    /// Value at a time over the echo's height, by Catmull and Rom's cubic; `None` outside.
     pub(super) fn at(&self, time: f64) -> Option<f64> {
         let index = time.floor();
         if !(index >= 1.0 && index + 2.0 < self.x.len() as f64) {
@@ -73,8 +75,8 @@ fn beginning(codes: &Codes) -> &[u16] {
     &codes.codes[..codes.codes.len().min(MAX_SAMPLES)]
 }
 
-/// Samples of a record without its ambient, and their noise, codes; both as its first
-/// [`MAX_SAMPLES`] have them.
+/// Samples of a record minus its ambient, and their noise, codes. Ambient and noise are measured in
+/// its first [`MAX_SAMPLES`].
 pub(crate) fn at_rest(codes: &Codes) -> (Vec<f64>, f64) {
     let piece = beginning(codes);
     let baseline = Baseline::measure(piece, codes.shift, &mut vec![0; piece.len()]);

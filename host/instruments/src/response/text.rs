@@ -1,4 +1,4 @@
-//! A response as a file has it: a point a row.
+//! A response as a file, a point a row.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -8,32 +8,32 @@ use super::model::Response;
 use crate::read::WaveformError;
 use crate::rows::Rows;
 
-/// Points of a file at least and at most.
+/// Least and greatest number of points of a file.
 const POINTS: std::ops::RangeInclusive<usize> = 5..=100_000;
 
-/// Widths before and after the top that a response may have.
+/// Greatest length of a response before and after its top, widths.
 const MOST_WIDTHS: f64 = 40.0;
 
-/// How uneven times may be, over their step: they are written to a few digits.
+/// Greatest deviation of a time step, over the mean step: times are rounded to a few digits.
 const UNEVEN: f64 = 0.02;
 
-/// Spread of a response that comes without: what the estimate of a good recording has.
+/// Spread of a response given without: as estimated from a good recording.
 const SPREAD: f64 = 0.01;
 
 impl Response {
-    /// From rows of `time_ns, level` or `time_ns, level, spread`: times in even steps, levels in
-    /// any unit above their rest, with their highest inside; spread in the same unit. `path` is for
-    /// messages.
+    /// A response from rows of `time_ns, level` or `time_ns, level, spread`. Times are in even
+    /// steps; levels are above rest, in any unit, highest inside; spread is in the same unit.
+    /// `path` is for messages.
     ///
     /// # Errors
     ///
-    /// [`WaveformError::Format`] says what was expected of the rows, and which is at fault.
+    /// [`WaveformError::Format`] with the row at fault and the expected content.
     pub fn of_points(path: &Path, rows: &Rows, sample_ns: f64) -> Result<Self, WaveformError> {
         points(rows, sample_ns)
             .map_err(|problem| WaveformError::Format { path: path.into(), problem })
     }
 
-    /// The rows that [`Response::of_points`] takes, as CSV.
+    /// The response as CSV that [`Response::of_points`] reads.
     pub fn to_csv(&self, sample_ns: f64) -> String {
         let mut text = String::new();
         for (lag, level, spread) in self.points() {
@@ -85,7 +85,7 @@ fn no_pulse() -> String {
         .into()
 }
 
-/// The step of times that rise evenly.
+/// Step of evenly rising times, ns.
 fn even_step(times: &[f64]) -> Result<f64, String> {
     let step = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
     let even = |pair: &[f64]| (pair[1] - pair[0] - step).abs() <= UNEVEN * step;
@@ -104,7 +104,7 @@ fn is_pulse(curve: &Curve) -> bool {
     low(before) && low(after) && curve.width >= 1.0 && curve.values.iter().all(|v| v.is_finite())
 }
 
-/// On the points that an estimate has.
+/// The response on the grid of an estimate.
 fn resampled(given: &Curve, spreads: &[f64]) -> Response {
     let step = given.width / PER_WIDTH;
     let (first, last) = given.reach();
@@ -116,7 +116,7 @@ fn resampled(given: &Curve, spreads: &[f64]) -> Response {
         spreads.get(point).copied().unwrap_or(SPREAD)
     };
     let (levels, spreads) = lags.map(|lag| (given.at(lag).0, spread(lag))).unzip();
-    // Time 0 is a point of both, and there the level is 1: there is a top.
+    // Time 0 is a point of both grids, with level 1: there is a top.
     let curve = Curve::normal(levels, step).unwrap_or_else(|| given.clone());
     Response::new(curve, spreads)
 }
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_reads_back_as_the_same() {
+    fn a_written_response_reads_back_the_same() {
         let text = pulse(|t, v| format!("{t},{v},{}\n", 0.02 * v + 3.0));
         let first = read(&text).expect("a response");
         let again = read(&first.to_csv(0.5)).expect("its own file");
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_response_is_said_with_its_row() {
+    fn rows_that_are_no_response_are_refused_by_row() {
         let table = [
             ("1,2\n2,3\n".to_owned(), "expected 5 to 100000 rows of a response, found 2"),
             (pulse(|t, v| format!("{t},{v},1,1\n")), "row 1: expected time_ns, level and, if"),

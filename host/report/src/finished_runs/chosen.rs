@@ -1,13 +1,14 @@
-//! Why the chosen point may lie outside the search's last band, parameter by parameter.
+//! Reasons why chosen values lie outside the search's last band.
 
+use crate::significant;
 use echoloop_closed_loop::parameters::{choices, effective};
 use echoloop_closed_loop::run_folder::journal::Generation;
 use echoloop_closed_loop::run_folder::run::{AxisRecord, RunResult};
 use echoloop_closed_loop::search::Origin;
 
-/// A sentence for each parameter whose chosen value is not within one standard deviation of where
-/// the search ended, and where the choice comes from; nothing where all are.
-pub(super) fn explained(
+/// The origin of the choice, then a sentence for each parameter that was chosen more than one
+/// standard deviation from the search's last mean; empty where there is none.
+pub(crate) fn explained(
     result: &RunResult,
     axes: &[AxisRecord],
     generations: &[Generation],
@@ -27,8 +28,8 @@ pub(super) fn explained(
     [from].into_iter().chain(outside).collect()
 }
 
-/// Where a value lies that the last generation's mean ± sd leaves out. An axis that the last search
-/// held still has no band, and a choice of names none that could be left.
+/// A sentence about a value outside the last generation's mean ± one standard deviation. `None` for
+/// one inside, for an axis that the last search held still, and for a choice of names.
 fn outside(
     result: &RunResult,
     axis: &AxisRecord,
@@ -49,14 +50,14 @@ fn outside(
         format!(
             "{} = {}{unit} is {side} the band of {} to {}{unit} (mean ± one standard deviation)",
             axis.name,
-            three(chosen),
-            three(low),
-            three(high)
+            significant(chosen),
+            significant(low),
+            significant(high)
         )
     })
 }
 
-/// In words, where the chosen parameters come from and why that is no mistake.
+/// Origin of the chosen parameters in words, with the reason why the band may not hold them.
 fn origin(result: &RunResult, last: &Generation) -> String {
     let raced = "won the race on the training pairs, where what the search had passed runs as well \
                  as where it ended";
@@ -82,11 +83,6 @@ fn origin(result: &RunResult, last: &Generation) -> String {
     }
 }
 
-/// Three digits.
-fn three(value: f64) -> String {
-    crate::significant(value)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -108,7 +104,7 @@ mod tests {
         }
     }
 
-    fn told(origin: &str, tuned: [f64; 3], deviations: [f64; 3]) -> Vec<String> {
+    fn sentences(origin: &str, tuned: [f64; 3], deviations: [f64; 3]) -> Vec<String> {
         let axes = [axis("a", Scale::Log), axis("b", Scale::Log), axis("c", Scale::Integer)];
         let names = axes.iter().map(|axis| axis.name.clone());
         let result = crate::finished_runs::tests::result(origin, names.zip(tuned).collect());
@@ -117,28 +113,28 @@ mod tests {
 
     #[test]
     fn a_value_outside_the_last_band_is_named_with_the_band_and_where_the_choice_came_from() {
-        let told = told("joint, generation 3, candidate 7", [10.0, 50.0, 45.0], [0.1; 3]);
-        assert_eq!(told.len(), 2, "{told:?}");
+        let texts = sentences("joint, generation 3, candidate 7", [10.0, 50.0, 45.0], [0.1; 3]);
+        assert_eq!(texts.len(), 2, "{texts:?}");
         assert!(
-            told[0].starts_with("Chosen outside the search’s last band: 1 of 3"),
+            texts[0].starts_with("Chosen outside the search’s last band: 1 of 3"),
             "{}",
-            told[0]
+            texts[0]
         );
-        assert!(told[0].contains(
+        assert!(texts[0].contains(
             "an early candidate (joint, generation 3, candidate 7; the search \
                                   went on to generation 40), which won the race"
         ));
         let band = "b = 50 m is above the band of 6.31 to 15.8 m (mean ± one standard deviation)";
-        assert_eq!(told[1], band);
+        assert_eq!(texts[1], band);
     }
 
     #[test]
-    fn what_lies_within_or_was_held_still_is_not_explained() {
-        assert!(told("joint, mean", [10.0, 9.0, 50.0], [0.1; 3]).is_empty());
-        assert!(told("start", [99.0, 99.0, 99.0], [0.0; 3]).is_empty());
-        let start = told("start", [99.0, 10.0, 50.0], [0.1; 3]);
+    fn values_within_the_band_and_axes_held_still_are_not_explained() {
+        assert!(sentences("joint, mean", [10.0, 9.0, 50.0], [0.1; 3]).is_empty());
+        assert!(sentences("start", [99.0, 99.0, 99.0], [0.0; 3]).is_empty());
+        let start = sentences("start", [99.0, 10.0, 50.0], [0.1; 3]);
         assert!(start[0].contains("the choice is the start itself"), "{start:?}");
-        let warm = told("warm start 2", [99.0, 10.0, 50.0], [0.1; 3]);
+        let warm = sentences("warm start 2", [99.0, 10.0, 50.0], [0.1; 3]);
         assert!(warm[0].contains("was tuned elsewhere (warm start 2), which won"), "{warm:?}");
     }
 }

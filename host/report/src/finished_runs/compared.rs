@@ -1,4 +1,4 @@
-//! Several runs side by side: what their tuned parameters are worth, and in what they differ.
+//! Several runs side by side: figures of their tuned parameters, and differences of settings.
 
 use std::collections::BTreeMap;
 
@@ -9,52 +9,52 @@ use echoloop_closed_loop::cost::ScanCost;
 use echoloop_closed_loop::evaluation::gain::{Difference, Estimate, Figures};
 use echoloop_closed_loop::parameters::{choices, written};
 
-/// Runs beside the first.
+/// Several runs, compared with the first.
 #[derive(Clone, Debug, Serialize)]
 pub struct Compared {
     /// Version of this format.
     pub format: u32,
     /// The runs, in the order given.
     pub runs: Vec<ComparedRun>,
-    /// Settings that are not the same in all: a value for each run, none where a run has none.
+    /// Settings that differ: a value for each run, `None` where a run has none.
     pub settings: BTreeMap<String, Vec<Option<String>>>,
-    /// Tuned parameters that are not the same in all, likewise.
+    /// Tuned parameters that differ, likewise.
     pub parameters: BTreeMap<String, Vec<Option<String>>>,
 }
 
-/// One of them.
+/// One of the runs.
 #[derive(Clone, Debug, Serialize)]
 pub struct ComparedRun {
-    /// Its folder, as it was named.
+    /// Folder, as the user wrote it.
     pub run: String,
-    /// The scene.
+    /// Name of the scene.
     pub scene: String,
     /// The registration method.
     pub method: String,
-    /// What was tuned.
+    /// Tuning protocol.
     pub protocol: String,
     /// The seed.
     pub seed: u64,
-    /// Registrations that the search made.
+    /// Number of registrations of the search.
     pub registrations: usize,
-    /// Held-out pairs.
+    /// Number of held-out pairs.
     pub pairs: usize,
-    /// What its tuned parameters are worth on them.
+    /// Figures of the tuned parameters on the held-out pairs.
     pub tuned: Figures<Estimate>,
-    /// What a scan costs with them.
+    /// Mean cost of a scan with the tuned parameters.
     pub cost: Option<ScanCost>,
-    /// How that differs from the first run.
+    /// Difference from the first run.
     pub against_first: Against,
 }
 
-/// A run beside the first.
+/// Difference of a run from the first.
 #[derive(Clone, Debug)]
 pub enum Against {
-    /// It is the first.
+    /// The first run itself.
     Itself,
-    /// Its held-out pairs are the first's: differences pair by pair.
+    /// Differences pair by pair, on the same held-out pairs.
     Paired(Box<Figures<Difference>>),
-    /// They are others, and this is why.
+    /// The held-out pairs differ; the text says in what.
     OtherPairs(String),
 }
 
@@ -68,7 +68,7 @@ impl Serialize for Against {
     }
 }
 
-/// Puts runs side by side; the first is what the others are compared with.
+/// Compares runs with the first.
 pub fn compared(runs: &[FinishedRun]) -> Compared {
     let tables: Vec<Settings> = runs.iter().map(settings).collect();
     let parameters: Vec<Settings> = runs.iter().map(parameters).collect();
@@ -105,8 +105,8 @@ fn compared_run(run: &FinishedRun, first: &FinishedRun, number: usize) -> Compar
     }
 }
 
-/// In what the held-out pairs of two runs differ, or what counts as a success there; nothing where
-/// they are the same.
+/// First difference between two runs in their held-out pairs or in their bounds of success; `None`
+/// where both are the same.
 fn other_pairs(run: &FinishedRun, first: &FinishedRun) -> Option<String> {
     let (own, theirs) = (settings(run), settings(first));
     let decides = |key: &String| {
@@ -127,7 +127,7 @@ fn other_pairs(run: &FinishedRun, first: &FinishedRun) -> Option<String> {
     if pairs(run) != pairs(first) {
         return Some("other pairs were judged".to_owned());
     }
-    // A mesh may have changed under its name; where a journal cannot be read, nobody knows.
+    // A mesh may have changed under its name. Without a readable journal the scenes count as equal.
     let scene = |run: &FinishedRun| run.journal().ok().map(|(header, _)| header.content.scene);
     let (own, theirs) = (scene(run)?, scene(first)?);
     (own != theirs).then(|| "the scene's file is another".to_owned())
@@ -143,7 +143,7 @@ fn settings(run: &FinishedRun) -> Settings {
     settings
 }
 
-/// Lays the keys of a table down, each with its section before the dot.
+/// Adds the keys of a table to `settings`, each with its section before the dot.
 pub fn flatten(section: &str, table: &toml::Table, settings: &mut Settings) {
     for (key, value) in table {
         let name = if section.is_empty() { key.clone() } else { format!("{section}.{key}") };
@@ -155,7 +155,7 @@ pub fn flatten(section: &str, table: &toml::Table, settings: &mut Settings) {
     }
 }
 
-/// The tuned parameters as they are written; a choice by name.
+/// The tuned parameters as text, rounded as in files; a choice by its name.
 fn parameters(run: &FinishedRun) -> Settings {
     let text = |name: &String, value: f64| match choices(name).get(value as usize) {
         Some(choice) => (*choice).to_owned(),
@@ -164,7 +164,7 @@ fn parameters(run: &FinishedRun) -> Settings {
     run.result.tuned.iter().map(|(name, value)| (name.clone(), text(name, *value))).collect()
 }
 
-/// Those that are not the same in all.
+/// Settings whose values differ between the tables.
 fn differing(tables: &[Settings]) -> BTreeMap<String, Vec<Option<String>>> {
     let names = tables.iter().flat_map(BTreeMap::keys);
     let all = names.map(|name| {
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_differs_is_told_and_choices_by_name() {
+    fn only_differences_are_listed_and_choices_by_name() {
         let mut third = run(1, 40.0);
         third.result.tuned.insert("lidar.denoise".into(), 2.0);
         third.result.tuned.insert("registration.voxel_m".into(), 0.3);

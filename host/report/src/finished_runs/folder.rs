@@ -1,4 +1,4 @@
-//! A run's folder, read back.
+//! Reader of a run's folder.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -10,6 +10,7 @@ use serde_json::Value;
 use thiserror::Error;
 
 use echoloop_closed_loop::config::{DataConfig, RegistrationConfig, TuneConfig};
+use echoloop_closed_loop::evaluation::objective::PairError;
 use echoloop_closed_loop::run_folder::files::FileError;
 use echoloop_closed_loop::run_folder::journal::{Generation, Header, Journal, JournalError};
 use echoloop_closed_loop::run_folder::provenance::About;
@@ -17,30 +18,30 @@ use echoloop_closed_loop::run_folder::run::{
     AFTER, AxisRecord, BEFORE, Background, CONFIG, HISTORY, RESULT, RESULT_FORMAT, RunResult,
 };
 
-/// Bytes that are read at most of a run's result.
+/// Greatest size of a result, bytes.
 const MOST_RESULT: u64 = 64 << 20;
 
-/// Why a run cannot be told.
+/// Reason why a run cannot be read.
 #[derive(Debug, Error)]
 pub enum RunError {
-    /// A file of it cannot be read.
+    /// A file cannot be read.
     #[error("{}: {what}", path.display())]
     File {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// Reason.
         what: String,
     },
-    /// What it says of itself cannot be read.
+    /// The provenance cannot be read.
     #[error(transparent)]
     About(#[from] FileError),
-    /// Its journal cannot be read.
+    /// The journal cannot be read.
     #[error(transparent)]
     Journal(#[from] JournalError),
-    /// A cloud of it cannot be read.
+    /// A cloud cannot be read.
     #[error(transparent)]
     Cloud(#[from] CloudError),
-    /// There is no result.
+    /// The folder holds no result.
     #[error(
         "{}: no {RESULT} there, so this is no run that came to its end (one that was interrupted \
          goes on with `echoloop tune --resume`)",
@@ -50,7 +51,7 @@ pub enum RunError {
         /// The folder.
         path: PathBuf,
     },
-    /// Its journal and its result are of different lengths.
+    /// Journal and result differ in length.
     #[error(
         "{}: its journal is not as long as its {RESULT} says: it was extended and interrupted, and \
          goes on with `echoloop tune --resume`",
@@ -60,7 +61,7 @@ pub enum RunError {
         /// The folder.
         path: PathBuf,
     },
-    /// Its result is of an earlier version, which kept less.
+    /// The result is of an earlier version, which kept no background.
     #[error(
         "{}: it keeps no background: an earlier version wrote it, and what its page needs is lost; \
          `echoloop tune --config` with the run's config.toml makes it anew",
@@ -76,35 +77,35 @@ fn file_fault(path: &Path, what: impl ToString) -> RunError {
     RunError::File { path: path.to_owned(), what: what.to_string() }
 }
 
-/// What of a configuration its page needs. The rest is told as it stands in the file.
+/// Keys of a configuration that the page reads. It shows the others as text.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Known {
-    /// Decides every random choice.
+    /// Seed of every random choice.
     pub seed: u64,
     /// The scene, as in the file.
     pub scene: toml::Table,
-    /// How the sensor looks around, as in the file.
+    /// The scanner, as in the file.
     pub scanner: toml::Table,
-    /// Which pairs of scans.
+    /// Pairs of scans.
     pub data: DataConfig,
-    /// How they are registered.
+    /// Registration of the pairs.
     pub registration: RegistrationConfig,
-    /// How was searched.
+    /// The search.
     pub tune: TuneConfig,
 }
 
-/// A run that came to its end.
+/// A finished run.
 #[derive(Clone, Debug)]
 pub struct FinishedRun {
-    /// Its folder.
+    /// Folder of the run.
     pub path: PathBuf,
-    /// Its configuration as it is written there, every value.
+    /// Configuration as text, with every value.
     pub config_text: String,
-    /// Its configuration.
+    /// Configuration, as far as the page reads it.
     pub config: Known,
-    /// Who made it, when and how.
+    /// Provenance.
     pub about: About,
-    /// What came out.
+    /// Result.
     pub result: RunResult,
 }
 
@@ -125,11 +126,11 @@ impl FinishedRun {
         Ok(Self { path: path.to_owned(), config_text, config, about, result })
     }
 
-    /// Its journal.
+    /// Journal of the search.
     ///
     /// # Errors
     ///
-    /// [`RunError::Journal`]; [`RunError::GoesOn`] of one that has got beyond the result.
+    /// [`RunError::Journal`]; [`RunError::GoesOn`] when it is longer than the result says.
     pub fn journal(&self) -> Result<(Header, Vec<Generation>), RunError> {
         let (header, generations) = Journal::read(&self.path.join(HISTORY))?;
         match generations.len() == self.result.generations {
@@ -138,11 +139,11 @@ impl FinishedRun {
         }
     }
 
-    /// What its search has left besides figures.
+    /// Axes, stages, correlations and places of the search.
     ///
     /// # Errors
     ///
-    /// [`RunError::Earlier`]; [`RunError::File`] of an axis that no search can have had.
+    /// [`RunError::Earlier`]; [`RunError::File`] of an impossible axis.
     pub fn background(&self) -> Result<&Background, RunError> {
         let path = self.path.join(RESULT);
         let background = self.result.background.as_ref();
@@ -156,31 +157,31 @@ impl FinishedRun {
         }
     }
 
-    /// The held-out pair that is shown: the one the default parameters did worst on.
+    /// Index of the held-out pair to show: the one the default parameters did worst on.
     pub fn shown_pair(&self) -> usize {
         self.result.shown_pair()
     }
 
-    /// Target and source of the shown pair, both in the target's frame: with default and with tuned
-    /// parameters.
+    /// Target and source of the shown pair, both in the target's frame: with the default, then with
+    /// the tuned parameters.
     ///
     /// # Errors
     ///
     /// [`RunError::File`].
     pub fn clouds(&self) -> Result<[[Cloud; 2]; 2], RunError> {
         let RunResult { default_summary, tuned_summary, .. } = &self.result;
-        let points = |errors: &[echoloop_closed_loop::evaluation::objective::PairError]| {
+        let points = |errors: &[PairError]| {
             let shown = errors.iter().find(|error| error.pair == self.shown_pair());
             shown.map_or([0; 2], |error| error.points)
         };
         Ok([
-            halves(&self.path.join(BEFORE), points(&default_summary.errors))?,
-            halves(&self.path.join(AFTER), points(&tuned_summary.errors))?,
+            two_scans(&self.path.join(BEFORE), points(&default_summary.errors))?,
+            two_scans(&self.path.join(AFTER), points(&tuned_summary.errors))?,
         ])
     }
 }
 
-/// An axis has two ends, and fewer values than memory has bytes.
+/// True when an axis has two ends and not too many values for memory.
 fn is_possible(axis: &AxisRecord) -> bool {
     axis.min < axis.max && axis.max - axis.min < 1e9
 }
@@ -205,8 +206,8 @@ fn result(folder: &Path) -> Result<RunResult, RunError> {
     }
 }
 
-/// A cloud that holds the points of two scans, one after the other. A scan may have seen nothing.
-fn halves(path: &Path, points: [usize; 2]) -> Result<[Cloud; 2], RunError> {
+/// Splits a file with the points of two scans, one after the other. Either may be empty.
+fn two_scans(path: &Path, points: [usize; 2]) -> Result<[Cloud; 2], RunError> {
     let (both, dropped) = match read_cloud(path) {
         Err(CloudError::Empty { dropped, .. }) => (Cloud::default(), dropped),
         read => read?,

@@ -1,126 +1,112 @@
-//! How much each parameter matters, from the candidates of the search themselves.
+//! Importance of each parameter, from the candidates of the search.
 //!
-//! A response surface is fitted to them ([`super::surrogate`]). A parameter's importance is half of
-//! what the squared error of candidates that a fit has not seen grows by when the parameter's
-//! values are dealt anew among the candidates of their generation (permutation importance: Breiman,
-//! Machine Learning 45, 2001; on held-out folds: Fisher, Rudin and Dominici, JMLR 20, 2019). It is
-//! a share of the variation of ln fitness within generations, of those generations that moved it:
-//! half, since of independent parameters that is the total index of Sobol (Wei, Lu and Song,
-//! Reliab. Eng. Syst. Saf. 142, 2015). Its interval is a bootstrap over generations, whose
+//! A response surface is fitted to the candidates ([`super::surrogate`]). Importance is half of the
+//! growth of the squared error of candidates that a fit has not seen when the parameter's values
+//! are permuted among the candidates of their generation (permutation importance: Breiman, Machine
+//! Learning 45, 2001; on held-out folds: Fisher, Rudin and Dominici, JMLR 20, 2019). It is a share
+//! of the variation of ln fitness within generations, over the generations that moved the
+//! parameter: half, since for independent parameters that is the total index of Sobol (Wei, Lu and
+//! Song, Reliab. Eng. Syst. Saf. 142, 2015). Its interval is a bootstrap over generations, whose
 //! candidates share their pairs and so their luck.
 //!
-//! It says what mattered where the search looked: a parameter that is important far from there does
-//! not show.
+//! It holds where the search looked: importance far from there does not show.
+
+use std::ops::Range;
 
 use echoloop_random::Generator;
 
 use super::surrogate::{Kind, Sample, Surrogate, centred};
-use echoloop_closed_loop::parameters::{Values, choices, effective};
+use crate::{Bar, Slice};
+use echoloop_closed_loop::evaluation::gain::Estimate;
+use echoloop_closed_loop::parameters::{Scale, Values, choices, effective};
 use echoloop_closed_loop::run_folder::journal::Generation;
 use echoloop_closed_loop::run_folder::run::AxisRecord;
 use echoloop_statistics::bootstrap;
 
-/// Times that values are dealt anew.
-const DEALS: u64 = 8;
+/// Permutations of each parameter's values.
+const PERMUTATIONS: u64 = 8;
 
-/// Fewer generations than this have no interval worth the name.
+/// Least number of generations for an interval.
 const FEWEST_GENERATIONS: usize = 10;
 
-/// Candidates for each axis without which nothing is fitted.
+/// Least number of candidates for each axis.
 const FEWEST_AN_AXIS: usize = 5;
 
-/// Axes that are drawn as slices at most.
+/// Greatest number of slices.
 const MOST_SLICES: usize = 6;
 
 /// Points of a slice's curve.
 const CURVE: usize = 41;
 
-/// Dots of a slice at most.
+/// Greatest number of dots of a slice.
 const MOST_DOTS: usize = 150;
 
 /// "deal" as a number: keeps these draws apart from those of other uses.
 const PURPOSE: u64 = 0x6465_616c;
 
-/// A share of the variation, and its 95 % interval.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Share {
-    /// The share.
-    pub(super) value: f64,
-    /// From, to.
-    pub(super) interval: [f64; 2],
+/// Importance of all axes.
+#[derive(Clone, Debug)]
+pub(crate) struct Measured {
+    /// Candidates that the surface was fitted to.
+    pub(crate) candidates: usize,
+    /// Their generations.
+    pub(crate) generations: usize,
+    /// Share of the variation within generations that is predicted for unseen candidates.
+    pub(crate) predicted: Estimate,
+    /// The axes that moved in enough generations, most important first.
+    pub(crate) bars: Vec<Bar>,
+    /// Slices along the most important axes, through the chosen point.
+    pub(crate) slices: Vec<Slice>,
 }
 
-/// What the candidates say.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Importance {
-    /// Nothing, and why.
-    Silent(String),
-    /// How much each axis matters.
-    Told {
-        /// Candidates that were looked at, and their generations.
-        of: [usize; 2],
-        /// Share of the variation within generations that is predicted of unseen ones.
-        predicted: Share,
-        /// Of each axis, by number, most important first; none of an axis that moved in too few
-        /// generations.
-        axes: Vec<(usize, Share)>,
-        /// The most important ones through the chosen point.
-        slices: Vec<Slice>,
-    },
-}
-
-/// The surface along an axis, all others where the chosen point has them.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Slice {
-    /// The axis, by number.
-    pub(super) axis: usize,
-    /// Where the curve is known, in the axis's unit.
-    pub(super) at: Vec<f64>,
-    /// Fitness over that of the chosen point.
-    pub(super) ratio: Vec<f64>,
-    /// The band of 95 % around it.
-    pub(super) band: [Vec<f64>; 2],
-    /// Candidates, each carried along the surface to the chosen point's other values: component
-    /// plus residual (Larsen and McCleary, Technometrics 14, 1972).
-    pub(super) dots: Vec<[f64; 2]>,
-}
-
-impl Importance {
-    /// What the generations of a journal say, around the values chosen.
-    pub(super) fn of(generations: &[Generation], axes: &[AxisRecord], chosen: &Values) -> Self {
-        let samples = samples(generations, axes);
-        let groups = samples.last().map_or(0, |last| last.group + 1);
-        if groups < FEWEST_GENERATIONS || samples.len() < FEWEST_AN_AXIS * axes.len() {
-            return Self::Silent(format!(
-                "{} candidates in {groups} generations are too few to say which of {} parameters \
-                 matter: it takes {FEWEST_AN_AXIS} candidates for each and {FEWEST_GENERATIONS} \
-                 generations.",
-                samples.len(),
-                axes.len()
-            ));
-        }
-        let surrogate = Surrogate::new(axes.iter().map(kind).collect(), &samples);
-        let predicted = predicted(&surrogate);
-        if predicted.interval[0] <= 0.0 || predicted.interval[0].is_nan() {
-            return Self::Silent(format!(
-                "A response surface fitted to {} candidates predicts those that it has not seen no \
-                 better than their generation’s mean does (R² {:.2}, 95\u{a0}% interval {:.2} to \
-                 {:.2}): nothing can be said about single parameters.",
-                samples.len(),
-                predicted.value,
-                predicted.interval[0],
-                predicted.interval[1]
-            ));
-        }
-        let study = Study { samples: &samples, axes, surrogate };
-        let mut shares: Vec<(usize, Share)> =
-            (0..axes.len()).filter_map(|axis| Some((axis, study.share(axis)?))).collect();
-        shares.sort_by(|a, b| b.1.value.total_cmp(&a.1.value));
-        let point = point(chosen, axes);
-        let worth = shares.iter().filter(|(_, share)| share.interval[0] > 0.0);
-        let slices = worth.take(MOST_SLICES).map(|(axis, _)| study.slice(*axis, &point)).collect();
-        Self::Told { of: [samples.len(), groups], predicted, axes: shares, slices }
+/// Importance of the axes of a journal, with slices through the chosen values.
+///
+/// # Errors
+///
+/// A sentence, where the candidates are too few or the surface predicts nothing.
+pub(crate) fn measured(
+    generations: &[Generation],
+    axes: &[AxisRecord],
+    chosen: &Values,
+) -> Result<Measured, String> {
+    let samples = samples(generations, axes);
+    let groups = samples.last().map_or(0, |last| last.group + 1);
+    if groups < FEWEST_GENERATIONS || samples.len() < FEWEST_AN_AXIS * axes.len() {
+        return Err(format!(
+            "{} candidates in {groups} generations are too few to say which of {} parameters \
+             matter: it takes {FEWEST_AN_AXIS} candidates for each and {FEWEST_GENERATIONS} \
+             generations.",
+            samples.len(),
+            axes.len()
+        ));
     }
+    let surrogate = Surrogate::new(axes.iter().map(kind).collect(), &samples);
+    let predicted = predicted(&surrogate);
+    if predicted.interval[0] <= 0.0 || predicted.interval[0].is_nan() {
+        return Err(format!(
+            "A response surface fitted to {} candidates predicts those that it has not seen no \
+             better than their generation’s mean does (R² {:.2}, 95\u{a0}% interval {:.2} to \
+             {:.2}): nothing can be said about single parameters.",
+            samples.len(),
+            predicted.value,
+            predicted.interval[0],
+            predicted.interval[1]
+        ));
+    }
+    let study = Study { samples: &samples, axes, surrogate };
+    let bar = |axis: usize| {
+        Some((axis, Bar { name: axes[axis].name.clone(), share: study.share(axis)? }))
+    };
+    let mut bars: Vec<(usize, Bar)> = (0..axes.len()).filter_map(bar).collect();
+    bars.sort_by(|(_, a), (_, b)| b.share.value.total_cmp(&a.share.value));
+    let significant = bars.iter().filter(|(_, bar)| bar.is_shown()).take(MOST_SLICES);
+    Ok(Measured {
+        candidates: samples.len(),
+        generations: groups,
+        predicted,
+        slices: significant.map(|(axis, _)| study.slice(*axis, chosen)).collect(),
+        bars: bars.into_iter().map(|(_, bar)| bar).collect(),
+    })
 }
 
 fn kind(axis: &AxisRecord) -> Kind {
@@ -130,7 +116,7 @@ fn kind(axis: &AxisRecord) -> Kind {
     }
 }
 
-/// Candidates of generations that have more than one, at the values that they had after repair.
+/// Candidates at their values after repair, of generations that have at least two.
 fn samples(generations: &[Generation], axes: &[AxisRecord]) -> Vec<Sample> {
     let mut samples = Vec::new();
     let mut group = 0;
@@ -145,8 +131,8 @@ fn samples(generations: &[Generation], axes: &[AxisRecord]) -> Vec<Sample> {
             continue;
         }
         samples.extend(known.iter().map(|candidate| {
-            let own = point(&candidate.values, axes).into_iter().zip(&candidate.point);
-            let point = own.map(|(own, drawn)| if own.is_nan() { *drawn } else { own }).collect();
+            let repaired = point(&candidate.values, axes).into_iter().zip(&candidate.point);
+            let point = repaired.map(|(u, drawn)| if u.is_nan() { *drawn } else { u }).collect();
             Sample { point, response: libm::log(candidate.fitness), group }
         }));
         group += 1;
@@ -154,7 +140,7 @@ fn samples(generations: &[Generation], axes: &[AxisRecord]) -> Vec<Sample> {
     samples
 }
 
-/// Values as a point of the cube; not a number where there is no value.
+/// Values as a point of the unit cube; NaN where there is no value.
 fn point(values: &Values, axes: &[AxisRecord]) -> Vec<f64> {
     let coordinate = |axis: &AxisRecord| {
         effective(values, &axis.name).map_or(f64::NAN, |value| axis.axis().to_cube(value))
@@ -162,8 +148,8 @@ fn point(values: &Values, axes: &[AxisRecord]) -> Vec<f64> {
     axes.iter().map(coordinate).collect()
 }
 
-/// How much of unseen candidates the surface predicts: R², by generations.
-fn predicted(surrogate: &Surrogate) -> Share {
+/// R² of unseen candidates, with a bootstrap over generations.
+fn predicted(surrogate: &Surrogate) -> Estimate {
     let sums: Vec<[f64; 2]> = surrogate
         .groups
         .iter()
@@ -176,14 +162,14 @@ fn predicted(surrogate: &Surrogate) -> Share {
     share(&sums)
 }
 
-/// The ratio of two sums over generations.
-fn share(sums: &[[f64; 2]]) -> Share {
+/// Ratio of two sums over generations.
+fn share(sums: &[[f64; 2]]) -> Estimate {
     let ratio = |drawn: &[usize]| {
         let sum = |part: usize| drawn.iter().map(|&i| sums[i][part]).sum::<f64>();
         sum(0) / sum(1)
     };
     let all: Vec<usize> = (0..sums.len()).collect();
-    Share { value: ratio(&all), interval: bootstrap(sums.len(), &ratio) }
+    Estimate { value: ratio(&all), interval: bootstrap(sums.len(), &ratio) }
 }
 
 struct Study<'a> {
@@ -193,18 +179,18 @@ struct Study<'a> {
 }
 
 impl Study<'_> {
-    /// The generations that moved an axis, by number.
+    /// Indices of the generations that moved an axis.
     fn moved(&self, axis: usize) -> Vec<usize> {
         let groups = self.surrogate.groups.iter().enumerate();
-        let moves = |group: &std::ops::Range<usize>| {
+        let moves = |group: &Range<usize>| {
             let values = || self.samples[group.clone()].iter().map(|sample| sample.point[axis]);
             values().any(|value| Some(value) != values().next())
         };
         groups.filter(|(_, group)| moves(group)).map(|(number, _)| number).collect()
     }
 
-    /// What unseen predictions lose without an axis; none where too few generations moved it.
-    fn share(&self, axis: usize) -> Option<Share> {
+    /// Importance of an axis; `None` where too few generations moved it.
+    fn share(&self, axis: usize) -> Option<Estimate> {
         let moved = self.moved(axis);
         if moved.len() < FEWEST_GENERATIONS {
             return None;
@@ -213,8 +199,8 @@ impl Study<'_> {
         Some(share(&sums))
     }
 
-    /// Of a generation: half of what the squared error of its prediction grows by, in the mean of
-    /// all deals, and its sum of squares.
+    /// Half of the growth of a generation's squared error, in the mean of all permutations, and its
+    /// sum of squares.
     fn loss(&self, axis: usize, number: usize) -> [f64; 2] {
         let group = self.surrogate.groups[number].clone();
         let own = &self.samples[group.clone()];
@@ -227,28 +213,32 @@ impl Study<'_> {
         };
         let before = part(&own.iter().map(|sample| sample.point.clone()).collect::<Vec<_>>());
         let errors = &self.surrogate.unseen[group.clone()];
-        let mut grown = 0.0;
-        for deal in 0..DEALS {
-            let mut random = Generator::from_key([deal, number as u64, axis as u64, PURPOSE]);
+        let mut growth = 0.0;
+        for permutation in 0..PERMUTATIONS {
+            let mut random =
+                Generator::from_key([permutation, number as u64, axis as u64, PURPOSE]);
             let mut order: Vec<usize> = (0..own.len()).collect();
             (1..order.len()).rev().for_each(|i| order.swap(i, random.index(i + 1)));
-            let dealt = own.iter().zip(&order).map(|(sample, &from)| {
+            let permuted = own.iter().zip(&order).map(|(sample, &from)| {
                 let mut point = sample.point.clone();
                 point[axis] = own[from].point[axis];
                 point
             });
-            let after = part(&dealt.collect::<Vec<_>>());
+            let after = part(&permuted.collect::<Vec<_>>());
             let each = errors.iter().zip(before.iter().zip(&after));
-            grown += each.map(|(e, (b, a))| (e + b - a) * (e + b - a) - e * e).sum::<f64>();
+            growth += each.map(|(e, (b, a))| (e + b - a) * (e + b - a) - e * e).sum::<f64>();
         }
         let squares = self.surrogate.responses[group].iter().map(|y| y * y).sum();
-        [grown / (2 * DEALS) as f64, squares]
+        [growth / (2 * PERMUTATIONS) as f64, squares]
     }
 
-    fn slice(&self, number: usize, chosen: &[f64]) -> Slice {
-        let axis = self.axes[number].axis();
-        // What no value was chosen for stands where the curve's middle does.
-        let chosen: Vec<f64> = chosen.iter().map(|u| if u.is_nan() { 0.5 } else { *u }).collect();
+    /// The surface along an axis, all others as chosen.
+    fn slice(&self, number: usize, values: &Values) -> Slice {
+        let record = &self.axes[number];
+        let axis = record.axis();
+        // An axis without a chosen value is held at its middle.
+        let middle = |u: f64| if u.is_nan() { 0.5 } else { u };
+        let chosen: Vec<f64> = point(values, self.axes).into_iter().map(middle).collect();
         let with = |u: f64| {
             let mut point = chosen.clone();
             point[number] = u;
@@ -277,11 +267,21 @@ impl Study<'_> {
             let step = part(&with(u)) - base + self.surrogate.residuals[i];
             [axis.from_cube(u), libm::exp(step)]
         });
-        Slice { axis: number, at, ratio, band: [low, high], dots: dots.collect() }
+        Slice {
+            name: record.name.clone(),
+            unit: record.unit.clone(),
+            log: record.scale == Scale::Log,
+            choices: choices(&record.name),
+            at,
+            ratio,
+            band: [low, high],
+            dots: dots.collect(),
+            chosen: effective(values, &record.name).unwrap_or(f64::NAN),
+        }
     }
 }
 
-/// Coordinates along an axis: of one with few values the middle of each.
+/// Coordinates along an axis, or the middle of each cell where those are few.
 fn places(cells: Option<usize>) -> Vec<f64> {
     match cells {
         Some(count) if count <= CURVE => {
@@ -294,7 +294,6 @@ fn places(cells: Option<usize>) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use echoloop_closed_loop::parameters::Scale;
     use echoloop_closed_loop::run_folder::journal::CandidateRecord;
 
     fn axes() -> Vec<AxisRecord> {
@@ -309,8 +308,8 @@ mod tests {
             .to_vec()
     }
 
-    /// Generations whose ln fitness is a level, so much of the square of `a` from 3, a little of
-    /// `b`, nothing of `c` and `d`, and noise; `d` never moves.
+    /// Generations whose ln fitness is a level of the generation, `signal` times (the squared
+    /// distance of `a` from 3, and a little of `b`), and noise. `c` has no part; `d` never moves.
     fn generations(count: u32, signal: f64, noise: f64) -> Vec<Generation> {
         let mut random = Generator::new(21, 0);
         let mut generation = |number: u32| {
@@ -352,23 +351,23 @@ mod tests {
     }
 
     #[test]
-    fn what_matters_is_told_in_order_and_what_does_not_cannot_be_told_from_nothing() {
-        let told = Importance::of(&generations(40, 1.0, 0.2), &axes(), &chosen());
-        let Importance::Told { of, predicted, axes, slices } = told else { panic!("{told:?}") };
-        assert_eq!(of, [400, 40]);
+    fn bars_are_in_order_of_importance_and_those_of_idle_axes_are_not_significant() {
+        let measured = measured(&generations(40, 1.0, 0.2), &axes(), &chosen()).unwrap();
+        let Measured { candidates, generations, predicted, bars, slices } = measured;
+        assert_eq!([candidates, generations], [400, 40]);
         assert!(predicted.interval[0] > 0.6, "{predicted:?}");
-        let order: Vec<usize> = axes.iter().map(|(axis, _)| *axis).collect();
-        assert_eq!(order, [0, 1, 2], "and nothing of d, which never moved");
-        assert!(axes[0].1.value > 5.0 * axes[1].1.value && axes[1].1.interval[0] > 0.0, "{axes:?}");
-        assert!(axes[2].1.interval[0] <= 0.0 && axes[2].1.value.abs() < 0.02, "{axes:?}");
-        let drawn: Vec<usize> = slices.iter().map(|slice| slice.axis).collect();
-        assert_eq!(drawn, [0, 1]);
+        let order: Vec<&str> = bars.iter().map(|bar| bar.name.as_str()).collect();
+        assert_eq!(order, ["a", "b", "c"], "and no bar of d, which never moved");
+        let shares: Vec<Estimate> = bars.iter().map(|bar| bar.share).collect();
+        assert!(shares[0].value > 5.0 * shares[1].value && bars[1].is_shown(), "{bars:?}");
+        assert!(!bars[2].is_shown() && shares[2].value.abs() < 0.02, "{bars:?}");
+        let drawn: Vec<&str> = slices.iter().map(|slice| slice.name.as_str()).collect();
+        assert_eq!(drawn, ["a", "b"]);
     }
 
     #[test]
-    fn a_slice_goes_through_the_chosen_point_and_shows_where_better_is() {
-        let told = Importance::of(&generations(40, 1.0, 0.2), &axes(), &chosen());
-        let Importance::Told { slices, .. } = told else { panic!("{told:?}") };
+    fn a_slice_goes_through_the_chosen_point_and_its_band_holds_the_truth() {
+        let slices = measured(&generations(40, 1.0, 0.2), &axes(), &chosen()).unwrap().slices;
         let Slice { at, ratio, band, dots, .. } = &slices[0];
         let near =
             |x: f64| (0..at.len()).min_by(|&i, &j| (at[i] - x).abs().total_cmp(&(at[j] - x).abs()));
@@ -380,11 +379,11 @@ mod tests {
     }
 
     #[test]
-    fn from_noise_and_from_few_nothing_is_said() {
-        let noise = Importance::of(&generations(40, 0.0, 1.0), &axes(), &chosen());
-        assert!(matches!(&noise, Importance::Silent(why) if why.contains("nothing can be said")));
-        let few = Importance::of(&generations(5, 1.0, 0.1), &axes(), &chosen());
-        assert!(matches!(&few, Importance::Silent(why) if why.contains("too few")), "{few:?}");
-        assert!(matches!(Importance::of(&[], &[], &chosen()), Importance::Silent(_)));
+    fn noise_and_few_candidates_give_no_importance() {
+        let noise = measured(&generations(40, 0.0, 1.0), &axes(), &chosen()).unwrap_err();
+        assert!(noise.contains("nothing can be said"), "{noise}");
+        let few = measured(&generations(5, 1.0, 0.1), &axes(), &chosen()).unwrap_err();
+        assert!(few.contains("too few"), "{few}");
+        assert!(measured(&[], &[], &chosen()).is_err());
     }
 }

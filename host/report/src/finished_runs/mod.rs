@@ -1,22 +1,20 @@
-//! Runs that are over: their folders read back and told, without a sensor and without a scan.
+//! Finished runs, read from their folders alone: no sensor, no scan.
 //!
-//! [`FinishedRun::read`] takes a run's folder, [`page`] makes its page, and [`compared`] puts
+//! [`FinishedRun::read`] reads a run's folder, [`page`] makes its page, and [`compared`] puts
 //! several runs side by side.
 
-mod chosen;
+pub(crate) mod chosen;
 mod compared;
 mod compared_text;
 mod folder;
-mod importance;
-mod page;
+pub(crate) mod importance;
 mod result_text;
 mod runs_page;
 mod surrogate;
 
-pub use compared::flatten;
-pub use compared::{Against, Compared, ComparedRun, compared};
+pub use crate::sections::{costs, judged, page};
+pub use compared::{Against, Compared, ComparedRun, compared, flatten};
 pub use folder::{FinishedRun, Known, RunError};
-pub use page::{costs, judged, page};
 pub use result_text::result_text;
 pub use runs_page::runs_page;
 
@@ -29,7 +27,7 @@ mod tests {
     use echoloop_closed_loop::parameters::Values;
     use echoloop_closed_loop::run_folder::run::RunResult;
 
-    /// A result whose figures are of no matter.
+    /// A result with arbitrary figures.
     pub(super) fn result(origin: &str, tuned: Values) -> RunResult {
         let error = |pair| PairError {
             pair,

@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::page::{costs, judged};
 use crate::Costs;
+use crate::sections::{costs, judged};
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::front::{Front, Mark};

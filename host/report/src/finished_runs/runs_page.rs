@@ -1,25 +1,24 @@
-//! Several runs as a page.
+//! The page of several runs side by side.
+
+use std::collections::BTreeMap;
 
 use super::compared::{Against, Compared, ComparedRun};
-use super::page::evaluation_row;
+use crate::sections::cost::{cells, heads};
 use crate::{Costs, DifferingTable, EvaluationRow, EvaluationTable, RowKind, RunsPage};
-use echoloop_closed_loop::cost::CostKind;
 
-/// The page of runs that were put side by side.
+/// The page of compared runs.
 pub fn runs_page(compared: &Compared) -> RunsPage {
     let runs = &compared.runs;
     let first = runs.first().map_or("", |run| run.run.as_str());
     let names: Vec<String> = runs.iter().map(|run| run.run.clone()).collect();
-    let table = |title: &str, values: &std::collections::BTreeMap<String, Vec<Option<String>>>| {
-        DifferingTable {
-            title: title.to_owned(),
-            runs: names.clone(),
-            rows: values.iter().map(|(name, values)| (name.clone(), values.clone())).collect(),
-        }
+    let table = |title: &str, values: &BTreeMap<String, Vec<Option<String>>>| DifferingTable {
+        title: title.to_owned(),
+        runs: names.clone(),
+        rows: values.iter().map(|(name, values)| (name.clone(), values.clone())).collect(),
     };
     RunsPage {
         title: format!("Echoloop: {} runs compared", runs.len()),
-        facts: runs.iter().map(|run| (run.run.clone(), told(run))).collect(),
+        facts: runs.iter().map(|run| (run.run.clone(), fact(run))).collect(),
         remarks: runs.iter().filter_map(|run| remark(run, first)).collect(),
         table: EvaluationTable {
             rows: runs.iter().map(row).collect(),
@@ -33,7 +32,7 @@ pub fn runs_page(compared: &Compared) -> RunsPage {
     }
 }
 
-fn told(run: &ComparedRun) -> String {
+fn fact(run: &ComparedRun) -> String {
     format!(
         "{}, {}, {}, seed {}, {} registrations, {} held-out pairs",
         run.scene, run.method, run.protocol, run.seed, run.registrations, run.pairs
@@ -57,17 +56,14 @@ fn row(run: &ComparedRun) -> EvaluationRow {
         Against::Paired(gain) => (RowKind::Tuned, Some(**gain)),
         Against::OtherPairs(_) => (RowKind::Reference, None),
     };
-    evaluation_row(&run.run, kind, run.pairs, run.tuned, gain)
+    let (label, pairs, figures) = (run.run.clone(), Some(run.pairs), run.tuned);
+    EvaluationRow { label, kind, pairs, figures, gain }
 }
 
 fn costs(runs: &[ComparedRun]) -> Costs {
-    let row = |run: &ComparedRun| {
-        let cost = run.cost?;
-        let cells = CostKind::ALL.map(|kind| kind.text(kind.of(&cost))).to_vec();
-        Some((run.run.clone(), cells))
-    };
+    let row = |run: &ComparedRun| Some((run.run.clone(), cells(&run.cost?)));
     Costs {
-        heads: CostKind::ALL.map(|kind| kind.title().to_owned()).to_vec(),
+        heads: heads(),
         rows: runs.iter().filter_map(row).collect(),
         verdict: "Of the tuned parameters, in the mean over scans of the held-out pairs.".into(),
     }

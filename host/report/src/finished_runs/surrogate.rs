@@ -1,18 +1,23 @@
-//! What a search's own candidates say of the fitness: a second-order response surface.
+//! Second-order response surface of the fitness, fitted to a search's own candidates.
 //!
+//! ```text
 //! ln fitness = b_g + Σ_k (α_k P₁(u_k) + β_k P₂(u_k)) + Σ_{j<k} γ_jk P₁(u_j) P₁(u_k)
+//! ```
 //!
-//! with Legendre's polynomials of the cube's coordinates, orthonormal there (a polynomial chaos of
-//! second order: Sudret, Reliab. Eng. Syst. Saf. 93, 2008); of a choice of names each name has a
-//! number of its own in place of the polynomials. Each generation g has its own level b_g: its
-//! pairs are harder or easier than those of others, so candidates are compared with those of their
-//! generation alone. That is the same as taking the generation's mean off every column and off
-//! ln fitness. Coefficients are shrunk (ridge: Hoerl and Kennard, Technometrics 12, 1970) as much
-//! as predicts best the generations that a fit has not seen.
+//! P are Legendre's polynomials of the unit cube's coordinates u, orthonormal there (a polynomial
+//! chaos of second order: Sudret, Reliab. Eng. Syst. Saf. 93, 2008). A choice has a coefficient for
+//! each name in place of the polynomials. Each generation g has its own level b_g, since its pairs
+//! are harder or easier than those of others; that is the same as centring every column and
+//! ln fitness within each generation. Coefficients are shrunk (ridge: Hoerl and Kennard,
+//! Technometrics 12, 1970) by the penalty that best predicts generations that a fit has not seen.
 //!
-//! Sums are plain loops: the same bits on every processor.
+//! All sums, nalgebra's as well, are plain loops of `f64`: the same bits on every processor.
 
-/// A candidate: its point in the cube, ln fitness, and the number of its generation.
+use std::ops::Range;
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+/// A candidate: its point in the unit cube, ln fitness, and the index of its generation.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sample {
     pub(super) point: Vec<f64>,
@@ -20,12 +25,12 @@ pub(super) struct Sample {
     pub(super) group: usize,
 }
 
-/// What an axis is to the surface.
+/// Kind of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Values in an order.
+    /// Ordered values.
     Ordered,
-    /// So many names.
+    /// A choice of this many names.
     Names(usize),
 }
 
@@ -34,15 +39,20 @@ pub(super) enum Kind {
 pub(super) struct Basis {
     kinds: Vec<Kind>,
     terms: Vec<Term>,
-    /// Of each axis, the numbers of the terms that it is in.
+    /// Indices of the terms that each axis is in.
     of_axis: Vec<Vec<usize>>,
 }
 
+/// A column: one axis or two.
 #[derive(Clone, Copy, Debug)]
 enum Term {
+    /// P₁.
     First(usize),
+    /// P₂.
     Second(usize),
+    /// Axis and name: 1 where the axis has the name, else 0.
     Name(usize, usize),
+    /// Product of two P₁.
     Both(usize, usize),
 }
 
@@ -95,12 +105,12 @@ impl Basis {
         (0..self.terms.len()).map(|term| self.value(term, point)).collect()
     }
 
-    /// The part of a surface that an axis is in, at a point.
+    /// Sum of the terms that an axis is in, at a point.
     pub(super) fn part(&self, weights: &[f64], axis: usize, point: &[f64]) -> f64 {
         self.of_axis[axis].iter().map(|&term| weights[term] * self.value(term, point)).sum()
     }
 
-    /// By how much each term differs at two points that are the same but for an axis.
+    /// Difference of each term between two points that differ along one axis.
     fn step(&self, axis: usize, to: &[f64], from: &[f64]) -> Vec<f64> {
         let mut step = vec![0.0; self.terms.len()];
         for &term in &self.of_axis[axis] {
@@ -110,16 +120,18 @@ impl Basis {
     }
 }
 
+/// P₁ = √3·(2u − 1).
 fn first(u: f64) -> f64 {
     1.732_050_807_568_877_2 * (2.0 * u - 1.0)
 }
 
+/// P₂ = √5·(6u² − 6u + 1).
 fn second(u: f64) -> f64 {
     2.236_067_977_499_79 * (6.0 * u * u - 6.0 * u + 1.0)
 }
 
-/// Takes the mean of its group off every value.
-pub(super) fn centred(values: &[f64], groups: &[std::ops::Range<usize>]) -> Vec<f64> {
+/// Values minus the mean of their group.
+pub(super) fn centred(values: &[f64], groups: &[Range<usize>]) -> Vec<f64> {
     let mut centred = values.to_vec();
     for group in groups {
         let mean = values[group.clone()].iter().sum::<f64>() / group.len() as f64;
@@ -128,57 +140,61 @@ pub(super) fn centred(values: &[f64], groups: &[std::ops::Range<usize>]) -> Vec<
     centred
 }
 
-/// Sums of squares and products of some rows.
+/// Normal equations of some rows.
 #[derive(Clone)]
 struct Sums {
+    /// Number of rows.
     count: usize,
-    /// Lower triangle by rows.
-    squares: Vec<f64>,
-    products: Vec<f64>,
+    /// Sums of squares; the lower triangle alone.
+    squares: DMatrix<f64>,
+    /// Sums of products with the response.
+    products: DVector<f64>,
 }
 
 impl Sums {
     fn new(terms: usize) -> Self {
-        let squares = vec![0.0; terms * (terms + 1) / 2];
-        Self { count: 0, squares, products: vec![0.0; terms] }
+        let squares = DMatrix::zeros(terms, terms);
+        Self { count: 0, squares, products: DVector::zeros(terms) }
     }
 
     fn add(&mut self, row: &[f64], response: f64) {
         self.count += 1;
-        let mut at = 0;
-        for (i, &value) in row.iter().enumerate() {
-            self.products[i] += value * response;
-            let line = &mut self.squares[at..=at + i];
-            line.iter_mut().zip(row).for_each(|(sum, other)| *sum += value * other);
-            at += i + 1;
+        for (j, &value) in row.iter().enumerate() {
+            self.products[j] += value * response;
+            let mut column = self.squares.column_mut(j);
+            column.iter_mut().zip(row).skip(j).for_each(|(sum, other)| *sum += value * other);
         }
     }
 
     fn add_all(&mut self, other: &Self) {
         self.count += other.count;
-        let both = [(&mut self.squares, &other.squares), (&mut self.products, &other.products)];
-        for (own, others) in both {
-            own.iter_mut().zip(others).for_each(|(own, other)| *own += other);
-        }
+        self.squares += &other.squares;
+        self.products += &other.products;
     }
 }
 
-/// A fit: its coefficients, and what its uncertainty hangs on.
+/// Coefficients of a fit, with the factor of its normal equations.
 pub(super) struct Fit {
     pub(super) weights: Vec<f64>,
-    factor: Factor,
+    cholesky: Cholesky<f64, Dyn>,
 }
 
 impl Fit {
-    /// The ridge's answer to the sums; the penalty is for each row, so that it means the same for
-    /// few and for many.
+    /// Ridge regression. The penalty counts once a row, so that it means the same for few and for
+    /// many.
     fn new(sums: &Sums, penalty: f64) -> Self {
-        let factor = Factor::new(sums, penalty * sums.count as f64);
-        Self { weights: factor.solve(&sums.products), factor }
+        let mut squares = sums.squares.clone();
+        let ridge = penalty * sums.count as f64;
+        (0..squares.nrows()).for_each(|term| squares[(term, term)] += ridge);
+        // With the ridge they are positive definite but for rounding, which the substitute covers.
+        let cholesky = Cholesky::new_with_substitute(squares, f64::MIN_POSITIVE)
+            .expect("the substitute has a square root");
+        let weights = cholesky.solve(&sums.products).as_slice().to_vec();
+        Self { weights, cholesky }
     }
 
-    /// Standard deviation of the surface's difference between two points that are the same but for
-    /// an axis, where single candidates scatter by `scatter`: the posterior of a linear model
+    /// Standard deviation of the surface's difference between two points that differ along one
+    /// axis, where single candidates scatter by `scatter`: the posterior of a linear model
     /// (Rasmussen and Williams 2006, Eq. 2.8).
     pub(super) fn spread(
         &self,
@@ -187,89 +203,33 @@ impl Fit {
         [to, from]: [&[f64]; 2],
         scatter: f64,
     ) -> f64 {
-        let step = basis.step(axis, to, from);
-        let half = self.factor.forward(&step);
-        scatter * half.iter().map(|value| value * value).sum::<f64>().sqrt()
+        let step = DVector::from_vec(basis.step(axis, to, from));
+        let half = self.cholesky.l_dirty().solve_lower_triangular(&step);
+        half.map_or(f64::NAN, |half| scatter * half.norm())
     }
 }
 
-/// Cholesky's factor, lower triangle by rows.
-struct Factor {
-    size: usize,
-    lower: Vec<f64>,
-}
-
-impl Factor {
-    /// Of the squares with a ridge, which makes them positive definite.
-    fn new(sums: &Sums, ridge: f64) -> Self {
-        let size = sums.products.len();
-        let mut lower = sums.squares.clone();
-        let at = |row: usize| row * (row + 1) / 2;
-        for row in 0..size {
-            for column in 0..=row {
-                let (above, below) = lower.split_at_mut(at(row));
-                let other =
-                    if column == row { &below[..column] } else { &above[at(column)..][..column] };
-                let known: f64 = below[..column].iter().zip(other).map(|(a, b)| a * b).sum();
-                let value = below[column] - known;
-                below[column] = match column == row {
-                    true => (value + ridge).max(f64::MIN_POSITIVE).sqrt(),
-                    false => value / above[at(column) + column],
-                };
-            }
-        }
-        Self { size, lower }
-    }
-
-    fn row(&self, row: usize) -> &[f64] {
-        &self.lower[row * (row + 1) / 2..][..=row]
-    }
-
-    /// z of L z = b.
-    fn forward(&self, right: &[f64]) -> Vec<f64> {
-        let mut z: Vec<f64> = Vec::with_capacity(self.size);
-        for (i, &value) in right.iter().enumerate() {
-            let row = self.row(i);
-            let known: f64 = row[..i].iter().zip(&z).map(|(a, b)| a * b).sum();
-            z.push((value - known) / row[i]);
-        }
-        z
-    }
-
-    /// x of L Lᵀ x = b.
-    fn solve(&self, right: &[f64]) -> Vec<f64> {
-        let mut x = self.forward(right);
-        for i in (0..self.size).rev() {
-            let row = self.row(i);
-            x[i] /= row[i];
-            let value = x[i];
-            x[..i].iter_mut().zip(row).for_each(|(x, l)| *x -= l * value);
-        }
-        x
-    }
-}
-
-/// A surface that was fitted, with what it says of candidates that a fit has not seen.
+/// A fitted surface, with its predictions of candidates that a fit has not seen.
 pub(super) struct Surrogate {
     pub(super) basis: Basis,
-    /// The candidates of each generation.
-    pub(super) groups: Vec<std::ops::Range<usize>>,
-    /// ln fitness less its generation's mean.
+    /// Indices of each generation's candidates.
+    pub(super) groups: Vec<Range<usize>>,
+    /// ln fitness minus its generation's mean.
     pub(super) responses: Vec<f64>,
-    /// What is left of that by the fit without the candidate's fold.
+    /// Residuals of the fit without the candidate's fold.
     pub(super) unseen: Vec<f64>,
-    /// What is left of it by the fit of all.
+    /// Residuals of the fit of all.
     pub(super) residuals: Vec<f64>,
-    /// Of all candidates.
+    /// Fit of all candidates.
     pub(super) whole: Fit,
-    /// Without the generations of a fold.
+    /// Fits without the generations of a fold.
     folds: Vec<Fit>,
 }
 
-/// Parts of the generations; each is predicted by the others.
+/// Folds of the cross-validation: generation g is in fold g mod `FOLDS`.
 const FOLDS: usize = 5;
 
-/// Ridges that are tried, for each candidate.
+/// Ridge penalties to choose from, for each candidate.
 const PENALTIES: [f64; 8] = [3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0];
 
 impl Surrogate {
@@ -294,7 +254,7 @@ impl Surrogate {
             sums
         };
         let without: Vec<Sums> = (0..FOLDS).map(|fold| others(Some(fold))).collect();
-        let left = |fits: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> {
+        let residuals = |fits: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> {
             let weights: Vec<Vec<f64>> = (0..FOLDS).map(fits).collect();
             let each = groups
                 .iter()
@@ -303,25 +263,25 @@ impl Surrogate {
             each.map(|(i, fold)| responses[i] - dot(&rows[i], &weights[fold])).collect()
         };
         let error = |penalty: f64| {
-            let left = left(&|fold| Fit::new(&without[fold], penalty).weights);
-            left.iter().map(|e| e * e).sum::<f64>()
+            let unseen = residuals(&|fold| Fit::new(&without[fold], penalty).weights);
+            unseen.iter().map(|e| e * e).sum::<f64>()
         };
         let errors: Vec<f64> = PENALTIES.iter().map(|&penalty| error(penalty)).collect();
         let best = (0..PENALTIES.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b]));
         let penalty = best.map_or(1.0, |best| PENALTIES[best]);
         let folds: Vec<Fit> = without.iter().map(|sums| Fit::new(sums, penalty)).collect();
-        let unseen = left(&|fold| folds[fold].weights.clone());
+        let unseen = residuals(&|fold| folds[fold].weights.clone());
         let whole = Fit::new(&others(None), penalty);
-        let residuals = left(&|_| whole.weights.clone());
+        let residuals = residuals(&|_| whole.weights.clone());
         Self { basis, groups, responses, unseen, residuals, whole, folds }
     }
 
-    /// The coefficients that know nothing of a group.
+    /// Coefficients of the fit that has not seen a group.
     pub(super) fn blind_to(&self, group: usize) -> &[f64] {
         &self.folds[group % FOLDS].weights
     }
 
-    /// How far single candidates scatter around the surface, by those it has not seen.
+    /// Standard deviation of single, unseen candidates around the surface.
     pub(super) fn scatter(&self) -> f64 {
         let free = self.unseen.len().saturating_sub(self.groups.len()).max(1);
         (self.unseen.iter().map(|e| e * e).sum::<f64>() / free as f64).sqrt()
@@ -332,9 +292,9 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Where each group begins and ends.
-fn groups(samples: &[Sample]) -> Vec<std::ops::Range<usize>> {
-    let mut groups: Vec<std::ops::Range<usize>> = Vec::new();
+/// Range of samples of each group.
+fn groups(samples: &[Sample]) -> Vec<Range<usize>> {
+    let mut groups: Vec<Range<usize>> = Vec::new();
     for (i, sample) in samples.iter().enumerate() {
         match groups.last_mut() {
             Some(last) if samples[last.start].group == sample.group => last.end = i + 1,
@@ -344,11 +304,8 @@ fn groups(samples: &[Sample]) -> Vec<std::ops::Range<usize>> {
     groups
 }
 
-fn centred_rows(
-    basis: &Basis,
-    samples: &[Sample],
-    groups: &[std::ops::Range<usize>],
-) -> Vec<Vec<f64>> {
+/// A row of terms for each sample, minus the mean row of its group.
+fn centred_rows(basis: &Basis, samples: &[Sample], groups: &[Range<usize>]) -> Vec<Vec<f64>> {
     let mut rows: Vec<Vec<f64>> = samples.iter().map(|s| basis.row(&s.point)).collect();
     for group in groups {
         for term in 0..basis.terms.len() {
@@ -365,7 +322,7 @@ mod tests {
     use super::*;
     use echoloop_random::Generator;
 
-    /// Candidates of a surface, with a level for each generation that is no candidate's doing.
+    /// Candidates of a surface, with a random level for each generation.
     fn samples(surface: impl Fn(&[f64]) -> f64, noise: f64, groups: usize) -> Vec<Sample> {
         let mut random = Generator::new(11, 0);
         let mut samples = Vec::new();
@@ -388,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_of_second_order_is_found_whatever_each_generation_s_level() {
+    fn a_surface_of_second_order_is_found_under_any_levels_of_the_generations() {
         let samples = samples(quadratic, 0.0, 40);
         let surrogate = Surrogate::new(KINDS.to_vec(), &samples);
         let worst = surrogate.unseen.iter().fold(0.0_f64, |worst, e| worst.max(e.abs()));
@@ -397,8 +354,8 @@ mod tests {
         for (axis, value) in [(0, 0.9), (1, 0.1), (2, 0.9), (3, 0.5), (3, 0.9)] {
             to[axis] = value;
             let part = |point| surrogate.basis.part(&surrogate.whole.weights, axis, point);
-            let (said, is) = (part(&to) - part(&from), quadratic(&to) - quadratic(&from));
-            assert!((said - is).abs() < 0.02, "axis {axis}: {said} for {is}");
+            let (fitted, is) = (part(&to) - part(&from), quadratic(&to) - quadratic(&from));
+            assert!((fitted - is).abs() < 0.02, "axis {axis}: {fitted} for {is}");
             to = from;
         }
     }
@@ -423,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_noise_alone_is_not_predicted() {
+    fn noise_is_not_predicted() {
         let noise = samples(|_| 0.0, 1.0, 40);
         let surrogate = Surrogate::new(KINDS.to_vec(), &noise);
         let squares = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>();

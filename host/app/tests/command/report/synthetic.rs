@@ -3,11 +3,17 @@
 
 use std::cmp::Ordering;
 
+use echoloop_closed_loop::config::DataConfig;
+use echoloop_closed_loop::cost::{CostKind, ScanCost};
+use echoloop_closed_loop::evaluation::compare::Comparison;
+use echoloop_closed_loop::evaluation::gain::{Difference, Estimate, Figures};
+use echoloop_closed_loop::evaluation::objective::PairError;
+use echoloop_closed_loop::front::{Front, FrontPoint, Mark};
+use echoloop_closed_loop::parameters::Values;
 use echoloop_random::Generator;
 use echoloop_report::{
-    Bar, CloudLayer, Convergence, Correlation, Costs, Difference, EvaluationRow, EvaluationTable,
-    Front, FrontDot, Identity, Importance, PairClouds, PairError, ParameterTrace, PoseError,
-    Report, RowKind, Slice,
+    Bar, CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable, Identity,
+    Importance, PairClouds, PairErrors, ParameterTrace, Report, RowKind, Slice,
 };
 
 const GENERATIONS: usize = 30;
@@ -26,7 +32,7 @@ pub(crate) fn report(seed: u64) -> Report {
         identity: identity(),
         table: table(),
         costs: costs(),
-        front: front(),
+        front: Some(front()),
         convergence: convergence(&mut rng),
         importance: importance(&parameters),
         correlation: Some(correlation(&mut rng, &parameters)),
@@ -72,12 +78,8 @@ fn identity() -> Identity {
 fn importance(parameters: &[ParameterTrace]) -> Importance {
     let bars = parameters.iter().zip(0..).map(|(p, rank)| {
         let value = 0.4 * libm::pow(0.6, f64::from(rank));
-        Bar {
-            name: p.name.clone(),
-            value,
-            interval: [value - 0.05, value + 0.06],
-            is_shown: rank < 4,
-        }
+        let share = Estimate { value, interval: [value - 0.06, value + 0.06] };
+        Bar { name: p.name.clone(), share }
     });
     let slices = parameters.iter().take(4).map(|p| {
         let at: Vec<f64> = (0..21).map(|i| p.min + (p.max - p.min) * f64::from(i) / 20.0).collect();
@@ -122,66 +124,75 @@ fn costs() -> Costs {
 
 /// Errors that fall with the energy spent, as far as they can.
 fn front() -> Front {
-    let dot = |cost: f64, against: &str| {
-        let error = 0.004 + 2e-6 / cost.sqrt();
-        FrontDot {
-            cost,
-            cost_text: format!("{:.1} µJ", 1e6 * cost),
+    let mark = |energy_j: f64| {
+        let error = 0.004 + 2e-6 / energy_j.sqrt();
+        Mark {
             error,
             interval: [0.8 * error, 1.3 * error],
             recall_pct: 100.0,
-            median_translation_cm: 50.0 * error,
-            against_default: against.into(),
+            median_translation_m: 0.5 * error,
+            cost: ScanCost { energy_j, ..ScanCost::UNKNOWN },
         }
     };
-    let points = (0..24).map(|i| 1e-7 * libm::pow(1.5, f64::from(i)));
+    let same = Comparison { difference: 0.0, interval: [-1e-4, 1e-4], reference: 0.004 };
+    let point = |i: u32| FrontPoint {
+        values: Values::new(),
+        mark: mark(1e-7 * libm::pow(1.5, f64::from(i))),
+        comparison: same,
+    };
     Front {
-        name: "energy".into(),
-        axis: "energy of a scan, J".into(),
-        verdict: "The same error at 1/50 of the energy.".into(),
-        default: dot(4.6e-3, ""),
-        tuned: dot(1e-3, ""),
-        points: points.map(|cost| dot(cost, "the same error")).collect(),
+        cost: CostKind::Energy,
+        pairs: 20,
+        default: mark(4.6e-3),
+        tuned: mark(1e-3),
+        points: (0..24).map(point).collect(),
+    }
+}
+
+fn figures<T>(of: [T; 5]) -> Figures<T> {
+    let [recall_pct, mean_translation_m, mean_rotation_deg, median_translation_m, last] = of;
+    let median_rotation_deg = last;
+    Figures {
+        recall_pct,
+        mean_translation_m,
+        mean_rotation_deg,
+        median_translation_m,
+        median_rotation_deg,
     }
 }
 
 fn table() -> EvaluationTable {
-    let row = |label: &str, kind, pairs, [recall, mt, mr, t, r]: [f64; 5]| EvaluationRow {
-        intervals: [recall, mt, mr, t, r].map(|value| [0.8 * value, 1.15 * value]),
-        gain: (kind == RowKind::Tuned).then(|| {
-            // One figure got better, one worse; of the others nothing is proven.
-            let of = |value: f64, is_shown| Difference {
-                value,
-                interval: [value - 9.0, value + 9.0],
-                is_shown,
-            };
-            [of(50.0, true), of(-3.0, false), of(1.1, true), of(-3.0, false), of(-2.0, false)]
-        }),
+    let around = |value: f64| Estimate { value, interval: [0.8 * value, 1.15 * value] };
+    // One figure got better, one worse; the others did not change significantly.
+    let gain = [(50.0, true), (-0.03, false), (1.1, true), (-0.03, false), (-2.0, false)];
+    let gain = gain.map(|(value, is_shown)| Difference { estimate: around(value), is_shown });
+    let row = |label: &str, kind, pairs, of: [f64; 5]| EvaluationRow {
         label: label.into(),
         kind,
         pairs,
-        recall_pct: recall,
-        mean_translation_cm: mt,
-        mean_rotation_deg: mr,
-        median_translation_cm: t,
-        median_rotation_deg: r,
+        figures: figures(of.map(around)),
+        gain: (kind == RowKind::Tuned).then(|| figures(gain)),
     };
     let nan = f64::NAN;
     EvaluationTable {
         rows: vec![
-            row("Default", RowKind::Default, Some(20), [25.0, 63.4, 2.61, 318.2, 14.31]),
-            row("Tuned, joint", RowKind::Tuned, Some(20), [75.0, 41.7, 1.48, 47.0, 1.92]),
-            row("Tuned, LiDAR only", RowKind::Tuned, Some(20), [30.0, 66.0, 2.50, 290.4, 12.70]),
+            row("Default", RowKind::Default, Some(20), [25.0, 0.634, 2.61, 3.182, 14.31]),
+            row("Tuned, joint", RowKind::Tuned, Some(20), [75.0, 0.417, 1.48, 0.47, 1.92]),
+            row("Tuned, LiDAR only", RowKind::Tuned, Some(20), [30.0, 0.66, 2.5, 2.904, 12.7]),
             row(
                 "Tuned, registration only",
                 RowKind::Tuned,
                 Some(20),
-                [55.0, 48.9, 1.77, 88.6, 3.40],
+                [55.0, 0.489, 1.77, 0.886, 3.4],
             ),
-            row("Paper, default", RowKind::Reference, Some(100), [18.1, 67.0, 2.64, nan, nan]),
-            row("Paper, joint", RowKind::Reference, Some(100), [60.0, 71.0, 1.71, nan, nan]),
+            row("Paper, default", RowKind::Reference, Some(100), [18.1, 0.67, 2.64, nan, nan]),
+            row("Paper, joint", RowKind::Reference, Some(100), [60.0, 0.71, 1.71, nan, nan]),
         ],
-        success_within: PoseError { translation_m: 1.0, rotation_deg: 5.0 },
+        data: DataConfig {
+            success_translation_m: 1.0,
+            success_rotation_deg: 5.0,
+            ..DataConfig::default()
+        },
     }
 }
 
@@ -284,21 +295,34 @@ fn correlation(rng: &mut Generator, parameters: &[ParameterTrace]) -> Correlatio
     }
 }
 
-fn pair_errors(rng: &mut Generator) -> Vec<PairError> {
-    let error = |rng: &mut Generator, fails: bool| {
+/// An error of a pair; NaN is unknown.
+pub(crate) fn error(translation_m: f64, rotation_deg: f64) -> PairError {
+    PairError {
+        pair: 0,
+        translation_m,
+        rotation_deg,
+        frobenius: translation_m,
+        points: [12_000; 2],
+        stop: "still".into(),
+        iterations: 20,
+    }
+}
+
+fn pair_errors(rng: &mut Generator) -> Vec<PairErrors> {
+    let drawn = |rng: &mut Generator, fails: bool| {
         let t: f64 = if fails { 1.2 + 5.0 * rng.unit() } else { 0.2 + 0.6 * rng.unit() };
-        PoseError { translation_m: t, rotation_deg: t * (2.0 + 4.0 * rng.unit()) }
+        error(t, t * (2.0 + 4.0 * rng.unit()))
     };
     (0..20)
         .map(|i| {
             let (fails, still) = (i % 4 != 0, i % 4 == 1);
-            let mut pair = PairError {
+            let mut pair = PairErrors {
                 label: format!("town {} pair {i:02}", i % 3 + 1),
-                default: error(rng, fails),
-                tuned: error(rng, still || i == 8),
+                default: drawn(rng, fails),
+                tuned: drawn(rng, still || i == 8),
             };
             if i == 5 {
-                pair.default = PoseError::default();
+                pair.default = error(f64::NAN, f64::NAN);
             }
             pair
         })
@@ -323,8 +347,8 @@ fn clouds(rng: &mut Generator) -> PairClouds {
         label: "town 2 pair 07".into(),
         before: [scan(rng, [0.0, 0.0], 0.06), moved(source, 0.21, [2.4, -2.2])],
         after: [scan(rng, [0.0, 0.0], 0.02), moved(scan(rng, [4.6, 1.9], 0.02), 0.012, [0.2, 0.1])],
-        before_error: PoseError { translation_m: 3.252, rotation_deg: 12.03 },
-        after_error: PoseError { translation_m: 0.224, rotation_deg: 0.69 },
+        before_error: Some(error(3.252, 12.03)),
+        after_error: Some(error(0.224, 0.69)),
     }
 }
 

@@ -1,9 +1,31 @@
-//! Who made the run, when, with which command and which configuration.
+//! Commands and configuration of the run.
 
-use super::data::Identity;
-use super::format::escape;
+use crate::finished_runs::FinishedRun;
 
-/// The commands and the configuration, or nothing where neither is known.
+use crate::format::escape;
+
+/// Provenance of a run.
+#[derive(Clone, Debug, Default)]
+pub struct Identity {
+    /// For each command that worked on the run: its begin (UTC), the program's version, its build,
+    /// and the command itself.
+    pub sessions: Vec<[String; 4]>,
+    /// The whole configuration as TOML.
+    pub configuration: String,
+}
+
+impl Identity {
+    /// The commands and the configuration of a finished run.
+    pub(super) fn of_run(run: &FinishedRun) -> Self {
+        let sessions = run.about.sessions.iter().map(|session| {
+            let build = session.build.clone().unwrap_or_else(|| "unknown".into());
+            [session.begun.clone(), session.version.clone(), build, session.command.clone()]
+        });
+        Self { sessions: sessions.collect(), configuration: run.config_text.clone() }
+    }
+}
+
+/// The commands and the configuration; empty where neither is known.
 pub(super) fn section(identity: &Identity) -> String {
     if identity.sessions.is_empty() && identity.configuration.is_empty() {
         return String::new();
@@ -53,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn commands_and_configuration_are_told_as_they_are() {
+    fn commands_and_configuration_stand_on_the_page_escaped() {
         let session = ["2026-11-22T17:00:00Z", "0.1.0", "c0ffee", "echoloop tune --set 'a<b'"];
         let identity = Identity {
             sessions: vec![session.map(str::to_owned)],

@@ -1,15 +1,80 @@
-//! Clouds for the viewer: quantised to 16 bits, in base64, and the page around them.
+//! One pair's clouds in a 3D viewer, as points of 16 bits a coordinate in base64.
 
 use std::array::from_fn;
 
-use super::data::{CloudLayer, PairClouds, PoseError};
-use super::format::{base64, escape, fixed, with_unit};
+use echoloop_closed_loop::evaluation::objective::PairError;
+use echoloop_closed_loop::evaluation::summary::Summary;
+use echoloop_closed_loop::run_folder::run::Background;
+use echoloop_registration::cloud::Cloud;
 
-/// The most points of a cloud that a report carries.
+use super::{optional_length, pairs};
+use crate::ReportError;
+use crate::finished_runs::{FinishedRun, RunError};
+use crate::format::{base64, escape, fixed, with_unit};
+
+/// Greatest number of points of one cloud on the page.
 pub const MAX_LAYER_POINTS: usize = 40_000;
 
 /// Steps of a coordinate along its side of the box: 16 bits.
 const STEPS: f64 = 65_535.0;
+
+/// One pair twice: as the default and as the tuned parameters measure and align it.
+#[derive(Clone, Debug, Default)]
+pub struct PairClouds {
+    /// Name of the pair.
+    pub label: String,
+    /// Target and source under the default parameters, both in the target's frame, the source in
+    /// its estimated pose.
+    pub before: [CloudLayer; 2],
+    /// The same under the tuned parameters.
+    pub after: [CloudLayer; 2],
+    /// Error of the pose in `before`, if known.
+    pub before_error: Option<PairError>,
+    /// Error of the pose in `after`, if known.
+    pub after_error: Option<PairError>,
+}
+
+/// A cloud in the target's frame, metres, z up. Points that are not finite are left out; of more
+/// than [`MAX_LAYER_POINTS`] an even selection is shown.
+#[derive(Clone, Debug, Default)]
+pub struct CloudLayer {
+    /// Points x, y, z.
+    pub points: Vec<[f32; 3]>,
+    /// Intensity of each point, 0 to 1; may be empty.
+    pub intensity: Vec<f32>,
+}
+
+impl PairClouds {
+    /// The shown pair of a finished run.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`] of a cloud's file.
+    pub(super) fn of_run(run: &FinishedRun, background: &Background) -> Result<Self, RunError> {
+        let pair = run.shown_pair();
+        let layer = |cloud: Cloud| CloudLayer {
+            points: cloud.points.iter().map(|p| p.coords.into()).collect(),
+            intensity: Vec::new(),
+        };
+        let error =
+            |summary: &Summary| summary.errors.iter().find(|error| error.pair == pair).cloned();
+        let [before, after] = run.clouds()?.map(|clouds| clouds.map(layer));
+        let label = pairs::label(background, pair);
+        Ok(Self {
+            label: format!("{label}: the held-out pair the default did worst on"),
+            before,
+            after,
+            before_error: error(&run.result.default_summary),
+            after_error: error(&run.result.tuned_summary),
+        })
+    }
+
+    pub(super) fn check(&self) -> Result<(), ReportError> {
+        self.before.iter().chain(&self.after).try_for_each(|layer| {
+            optional_length("intensity", layer.intensity.len(), layer.points.len(), "points")
+        })
+    }
+}
 
 /// A box in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,7 +83,7 @@ struct Bounds {
     high: [f64; 3],
 }
 
-/// The viewer with its data, or nothing without clouds.
+/// The viewer with its data; empty without clouds.
 pub(super) fn section(clouds: Option<&PairClouds>) -> String {
     let Some(clouds) = clouds else {
         return String::new();
@@ -36,8 +101,8 @@ pub(super) fn section(clouds: Option<&PairClouds>) -> String {
          <div id=\"viewer\" hidden data-view=\"{}\">{data}</div></section>\n",
         escape(&clouds.label),
         controls(has_intensity),
-        panel("before", "Default", &clouds.before_error),
-        panel("after", "Tuned", &clouds.after_error),
+        panel("before", "Default", clouds.before_error.as_ref()),
+        panel("after", "Tuned", clouds.after_error.as_ref()),
         hint(),
         view_text(&view)
     )
@@ -60,14 +125,14 @@ fn controls(has_intensity: bool) -> String {
     )
 }
 
-fn panel(id: &str, title: &str, error: &PoseError) -> String {
-    let off = match error.translation_m.is_finite() {
-        true => format!(
+fn panel(id: &str, title: &str, error: Option<&PairError>) -> String {
+    let off = match error.filter(|error| error.translation_m.is_finite()) {
+        Some(error) => format!(
             "{} and {} off",
             with_unit(&fixed(error.translation_m * 100.0, 1), "cm"),
             with_unit(&fixed(error.rotation_deg, 2), "°")
         ),
-        false => "error unknown".to_owned(),
+        None => "error unknown".to_owned(),
     };
     format!(
         "<figure><figcaption><b>{title}</b> <span>{off}</span></figcaption>\
@@ -98,7 +163,7 @@ fn shown(layer: &CloudLayer) -> Vec<([f32; 3], f32)> {
         .collect()
 }
 
-/// What the camera should show: all but the outermost of both targets and the tuned source, so that
+/// The camera's box: all but the outermost points of both targets and of the tuned source, so that
 /// neither a stray echo nor a failed registration decides the view.
 fn view(layers: &[Vec<([f32; 3], f32)>; 4]) -> Bounds {
     let [target, _, tuned_target, tuned_source] = layers;
@@ -121,7 +186,7 @@ fn view_text(view: &Bounds) -> String {
     half.map(|h| format!("{h:.3}")).join(" ")
 }
 
-/// One layer: box relative to the view's centre as attributes, points as text.
+/// One layer: its box relative to the view's centre as attributes, its points as text.
 fn layer_data(layer: &[([f32; 3], f32)], view: &Bounds) -> String {
     let bounds = bounds(layer);
     let centre = [0, 1, 2].map(|k| f64::midpoint(view.low[k], view.high[k]));
@@ -184,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn a_large_layer_is_thinned_evenly_and_loses_what_is_not_finite() {
+    fn a_large_layer_is_thinned_evenly_and_loses_points_that_are_not_finite() {
         let mut points: Vec<[f32; 3]> = (0..100_000).map(|i| [i as f32, 0.0, 0.0]).collect();
         points[0] = [f32::NAN, 0.0, 0.0];
         let layer = CloudLayer { points, intensity: vec![] };

@@ -1,24 +1,59 @@
-//! Which parameters the search moved together, with the caution this needs.
+//! Correlations of the search distribution, with the caution that they need.
+
+use echoloop_closed_loop::run_folder::run::Background;
 
 use plotters::element::{PathElement, Rectangle};
 use plotters::style::Color;
 use plotters::style::FontTransform;
 use plotters::style::text_anchor::{HPos, VPos};
 
-use super::data::Correlation;
-use super::format::{escape, fixed};
-use super::plot::{Canvas, Caption, Drawn, Key, Px, Sample, at, drawing, hint, text};
-use super::theme::ink;
+use super::length;
+use crate::ReportError;
+use crate::format::{escape, fixed};
+use crate::plot::{Canvas, Caption, Drawn, Key, Px, Sample, at, drawing, hint, text};
+use crate::theme::ink;
 
 const CELL: f64 = 34.0;
 
-/// Correlations weaker than this are drawn without their number.
+/// Least correlation that is drawn with its number.
 const WORTH_A_NUMBER: f64 = 0.15;
 
-/// Of a correlation that is more than chance, the faintest colour.
+/// Least strength of colour of a significant correlation.
 const FAINTEST: f64 = 0.2;
 
-/// The heat map and its caution, or nothing without one pair of parameters.
+/// Correlations of the search distribution, `D^-1/2 C D^-1/2`.
+#[derive(Clone, Debug, Default)]
+pub struct Correlation {
+    /// One name for each row and column.
+    pub names: Vec<String>,
+    /// Square and symmetric; only the lower triangle is drawn.
+    pub matrix: Vec<Vec<f64>>,
+    /// Greatest share of the covariance that the run can have replaced,
+    /// `1 − (1 − c_1 − c_µ)^generations`, if known.
+    pub covariance_learned: Option<f64>,
+}
+
+impl Correlation {
+    /// The last search of a finished run; `None` where it has no correlations.
+    pub(super) fn of_run(background: &Background) -> Option<Self> {
+        let short = |name: &String| name.rsplit('.').next().unwrap_or(name).to_owned();
+        (!background.correlations.is_empty()).then(|| Self {
+            names: background.correlated.iter().map(short).collect(),
+            matrix: background.correlations.clone(),
+            covariance_learned: Some(background.covariance_learned),
+        })
+    }
+
+    pub(super) fn check(&self) -> Result<(), ReportError> {
+        let names = self.names.len();
+        length("correlation matrix", self.matrix.len(), names, "names")?;
+        self.matrix
+            .iter()
+            .try_for_each(|row| length("row of the correlation matrix", row.len(), names, "names"))
+    }
+}
+
+/// The heat map and its caution; empty without one pair of parameters.
 pub(super) fn section(correlation: Option<&Correlation>, generations: usize) -> String {
     let Some(c) = correlation.filter(|c| c.names.len() > 1) else {
         return String::new();
@@ -70,7 +105,7 @@ fn pairs(c: &Correlation) -> impl Iterator<Item = (usize, usize, f64)> {
         .flat_map(move |row| (0..row).map(move |column| (row, column, c.matrix[row][column])))
 }
 
-/// Where the triangle begins and how large the drawing is, so that every slanted name has room.
+/// Corner of the triangle and size of the drawing, pixels, with room for every slanted name.
 struct Layout {
     left: f64,
     top: f64,
@@ -98,29 +133,29 @@ fn heat_map(c: &Correlation) -> String {
     triangle(c, &Caption { name: "correlations", title, keys: &[] }, None)
 }
 
-/// Which parameters a search moved together, with what chance alone would show greyed.
+/// Heat map of correlations in which those within chance are greyed.
 #[derive(Clone, Debug)]
 pub struct Moved {
     /// The correlations.
     pub correlation: Correlation,
-    /// How many of the first parameters are the sensor's.
+    /// Number of sensor parameters, which come first.
     pub of_sensor: usize,
-    /// Correlations no stronger than this are greyed.
+    /// Greatest strength that is greyed.
     pub chance: f64,
 }
 
-pub(super) const MOVED_KEYS: [Key<'static>; 3] = [
+pub(crate) const MOVED_KEYS: [Key<'static>; 3] = [
     ("plus", Sample::Area, "positive"),
     ("minus", Sample::Area, "negative"),
     ("unlearned", Sample::Area, "not told from chance"),
 ];
 
 impl Moved {
-    pub(super) fn svg(&self, caption: &Caption<'_>) -> String {
+    pub(crate) fn svg(&self, caption: &Caption<'_>) -> String {
         triangle(&self.correlation, caption, Some(self))
     }
 
-    /// Correlations that are not greyed, of all that there are.
+    /// Number of correlations that are not greyed, and of all.
     pub fn learned(&self) -> [usize; 2] {
         let all = pairs(&self.correlation);
         let (mut learned, mut count) = (0, 0);
@@ -149,7 +184,7 @@ impl Moved {
     }
 }
 
-/// The lower triangle with names beside and above.
+/// Heat map of the lower triangle, with names beside and above.
 fn triangle(c: &Correlation, caption: &Caption<'_>, moved: Option<&Moved>) -> String {
     let Layout { left, top, size } = Layout::new(&c.names);
     let label = format!("Heat map of the correlations between {} parameters.", c.names.len());
@@ -181,7 +216,7 @@ fn triangle(c: &Correlation, caption: &Caption<'_>, moved: Option<&Moved>) -> St
         }
         Ok(())
     });
-    // plotters knows only right angles; names that climb at half of one are easier to read.
+    // plotters turns text by right angles only; at 45° the names are easier to read.
     let style = format!("<svg style=\"width:{}px\" ", size[0].round());
     svg.replacen("<svg ", &style, 1).replace("rotate(270,", "rotate(-45,")
 }
@@ -194,7 +229,7 @@ fn grey(canvas: &Canvas<'_>, place: Px) -> Drawn {
     canvas.draw(&Rectangle::new(square(place), ink("unlearned").filled()))
 }
 
-/// A correlation's cell, no fainter than `least`, so that it is told from a grey one.
+/// A cell no fainter than `least`, which keeps it apart from a grey one.
 fn cell(canvas: &Canvas<'_>, [x, y]: Px, r: f64, least: f64) -> Drawn {
     let strength = if r.is_finite() { r.abs().clamp(least, 1.0) } else { 0.0 };
     let inner = CELL - 2.0;
@@ -214,7 +249,7 @@ fn cell(canvas: &Canvas<'_>, [x, y]: Px, r: f64, least: f64) -> Drawn {
     )
 }
 
-/// Two digits without the leading zero, as fits a cell.
+/// Two decimals without the leading zero, short enough for a cell.
 fn short(r: f64) -> String {
     fixed(r, 2).replacen("0.", ".", 1)
 }

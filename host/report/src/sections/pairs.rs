@@ -1,60 +1,104 @@
-//! Each test pair before and after, and the distributions of both.
+//! Errors of each held-out pair before and after tuning, and their distributions.
 
+use echoloop_closed_loop::config::DataConfig;
+use echoloop_closed_loop::evaluation::objective::PairError;
+use echoloop_closed_loop::evaluation::summary::succeeds;
+use echoloop_closed_loop::run_folder::run::{Background, RunResult};
+use echoloop_statistics::sign_test;
 use plotters::element::{Circle, Cross, PathElement};
 use plotters::series::LineSeries;
 use plotters::style::Color;
 
-use super::axis::Axis;
-use super::data::{PairError, PoseError, Report};
-use super::format::{file_name, fixed, with_unit};
-use super::plot::{Caption, Chart, Drawn, Frame, Key, Px, Sample, chart, fine, legend};
-use super::theme::ink;
-use echoloop_statistics::sign_test;
+use super::Report;
+use crate::axis::Axis;
+use crate::format::{file_name, fixed, with_unit};
+use crate::plot::{Caption, Chart, Drawn, Frame, Key, Px, Sample, chart, fine, legend};
+use crate::theme::ink;
 
 const SLOPES: Px = [900.0, 300.0];
 const CURVE: Px = [440.0, 270.0];
 
-/// Errors below this are drawn here: a tenth of a millimetre, a ten-thousandth of a degree.
+/// Least error of the axes, m or degrees; smaller ones are drawn there.
 const FLOOR: f64 = 1e-4;
+
+/// Errors of one held-out pair under both settings; NaN where unknown.
+#[derive(Clone, Debug)]
+pub struct PairErrors {
+    /// Name of the pair.
+    pub label: String,
+    /// With the default parameters.
+    pub default: PairError,
+    /// With the tuned parameters.
+    pub tuned: PairError,
+}
+
+impl PairErrors {
+    /// The held-out pairs of a finished run.
+    pub(super) fn of_run(background: &Background, result: &RunResult) -> Vec<Self> {
+        let both = result.default_summary.errors.iter().zip(&result.tuned_summary.errors);
+        both.map(|(default, tuned)| Self {
+            label: label(background, default.pair),
+            default: default.clone(),
+            tuned: tuned.clone(),
+        })
+        .collect()
+    }
+}
+
+/// Name of a pair: its place and index.
+pub(super) fn label(background: &Background, pair: usize) -> String {
+    let place = background.places.get(pair).map_or("", String::as_str);
+    format!("{place} pair {pair}").trim_start().to_owned()
+}
 
 /// One of the two parts of a pose error.
 struct Part {
     name: &'static str,
     unit: &'static str,
-    read: fn(&PoseError) -> f64,
+    read: fn(&PairError) -> f64,
+    /// Greatest error of a success.
+    bound: fn(&DataConfig) -> f64,
 }
 
-const TRANSLATION: Part =
-    Part { name: "translation error", unit: "m", read: |error| error.translation_m };
-const ROTATION: Part =
-    Part { name: "rotation error", unit: "°", read: |error| error.rotation_deg };
+const TRANSLATION: Part = Part {
+    name: "translation error",
+    unit: "m",
+    read: |error| error.translation_m,
+    bound: |data| data.success_translation_m,
+};
+const ROTATION: Part = Part {
+    name: "rotation error",
+    unit: "°",
+    read: |error| error.rotation_deg,
+    bound: |data| data.success_rotation_deg,
+};
 
-/// The three plots, or nothing without pairs.
+/// The three plots; empty without pairs.
 pub(super) fn section(report: &Report) -> String {
     let pairs = &report.pair_errors;
     if pairs.is_empty() {
         return String::new();
     }
-    let within = &report.table.success_within;
+    let data = &report.table.data;
     format!(
         "<section id=\"pairs\"><h2>Pair by pair</h2><p class=\"lead\">{}</p>\
          <figure><div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"Errors by \
          pair\">{}</div>{}</figure>\
          <div class=\"pair\"><figure>{}</figure><figure>{}</figure></div>{}</section>\n",
-        gains(pairs, within),
-        slopes(pairs, within),
+        gains(pairs, data),
+        slopes(pairs, data),
         legend(&SLOPE_KEYS),
-        curve(&TRANSLATION, pairs, within),
-        curve(&ROTATION, pairs, within),
+        curve(&TRANSLATION, pairs, data),
+        curve(&ROTATION, pairs, data),
         legend(&CURVE_KEYS)
     )
 }
 
-/// How many pairs tuning won and lost, and whether that could be a coin's doing.
-fn gains(pairs: &[PairError], within: &PoseError) -> String {
+/// Numbers of pairs that tuning won and lost, with their significance.
+fn gains(pairs: &[PairErrors], data: &DataConfig) -> String {
     let count = |before: bool, after: bool| {
-        let same = |p: &&PairError| {
-            p.default.is_within(within) == before && p.tuned.is_within(within) == after
+        let same = |p: &&PairErrors| {
+            succeeds(&p.default, data) == before && succeeds(&p.tuned, data) == after
         };
         pairs.iter().filter(same).count()
     };
@@ -70,9 +114,9 @@ fn gains(pairs: &[PairError], within: &PoseError) -> String {
     )
 }
 
-/// A stroke for each pair from its default to its tuned error, worst default first.
-fn slopes(pairs: &[PairError], within: &PoseError) -> String {
-    let mut sorted: Vec<&PairError> = pairs.iter().collect();
+/// Plot with a stroke from the default to the tuned error of each pair, largest default first.
+fn slopes(pairs: &[PairErrors], data: &DataConfig) -> String {
+    let mut sorted: Vec<&PairErrors> = pairs.iter().collect();
     sorted.sort_by(|a, b| b.default.translation_m.total_cmp(&a.default.translation_m));
     let label =
         format!("Translation error of {} pairs with default and tuned parameters.", pairs.len());
@@ -86,37 +130,37 @@ fn slopes(pairs: &[PairError], within: &PoseError) -> String {
         x_title: "test pairs, largest default error first (hover for names)",
     };
     let x = Axis::between(0.5, sorted.len() as f64 + 0.5, false).with_ticks(&[]);
-    chart(&frame, x, part_axis(&TRANSLATION, pairs, within), |chart| {
-        chart.level("limit", within.translation_m)?;
+    chart(&frame, x, part_axis(&TRANSLATION, pairs, data), |chart| {
+        chart.level("limit", data.success_translation_m)?;
         let radius = if sorted.len() > 60 { 2.8 } else { 4.5 };
         sorted
             .iter()
             .enumerate()
-            .try_for_each(|(rank, pair)| slope(chart, pair, rank as f64 + 1.0, within, radius))
+            .try_for_each(|(rank, pair)| slope(chart, pair, rank as f64 + 1.0, data, radius))
     })
 }
 
 fn slope(
     chart: &mut Chart<'_, '_>,
-    pair: &PairError,
+    pair: &PairErrors,
     x: f64,
-    within: &PoseError,
+    data: &DataConfig,
     radius: f64,
 ) -> Drawn {
-    let reach = |error: &PoseError| {
+    let reach = |error: &PairError| {
         if error.translation_m.is_finite() { error.translation_m } else { f64::INFINITY }
     };
     let [before, after] = [&pair.default, &pair.tuned].map(reach);
     let class = if after < before { "slope good" } else { "slope bad" };
     chart.draw([PathElement::new([(x, before), (x, after)], ink(class))])?;
-    let [was, is] = [&pair.default, &pair.tuned].map(|error| error.is_within(within));
+    let [was, is] = [&pair.default, &pair.tuned].map(|error| succeeds(error, data));
     mark(chart, "dot-default", (x, before), was, radius)?;
     mark(chart, "dot-tuned", (x, after), is, radius)?;
     chart.hint(x - 0.5, x + 0.5, &hint(pair));
     Ok(())
 }
 
-/// Filled when the pair succeeds, hollow when it does not, a cross when nothing was found.
+/// Mark of an error: filled for a success, hollow for a failure, a cross where it is unknown.
 fn mark(
     chart: &mut Chart<'_, '_>,
     class: &str,
@@ -131,8 +175,8 @@ fn mark(
     chart.draw([Circle::new(at, fine(radius), ink(&class).filled())])
 }
 
-fn hint(pair: &PairError) -> String {
-    let text = |e: &PoseError| {
+fn hint(pair: &PairErrors) -> String {
+    let text = |e: &PairError| {
         format!(
             "{}, {}",
             with_unit(&fixed(e.translation_m, 3), "m"),
@@ -142,8 +186,8 @@ fn hint(pair: &PairError) -> String {
     format!("{}: default {}; tuned {}", pair.label, text(&pair.default), text(&pair.tuned))
 }
 
-/// Share of pairs whose error is at most x, for both settings.
-fn curve(part: &Part, pairs: &[PairError], within: &PoseError) -> String {
+/// Cumulative distribution of one part of the error, for both settings.
+fn curve(part: &Part, pairs: &[PairErrors], data: &DataConfig) -> String {
     let label =
         format!("Cumulative distribution of the {} with default and tuned parameters.", part.name);
     let x_title = format!("{}, {}, log axis", part.name, part.unit);
@@ -155,18 +199,18 @@ fn curve(part: &Part, pairs: &[PairError], within: &PoseError) -> String {
         y_title: "% of pairs with at most this error",
         x_title: &x_title,
     };
-    let curve = |read: fn(&PairError) -> &PoseError| {
+    let curve = |read: fn(&PairErrors) -> &PairError| {
         steps(pairs.iter().map(|pair| (part.read)(read(pair))).collect())
     };
-    chart(&frame, part_axis(part, pairs, within), Axis::between(0.0, 100.0, false), |chart| {
-        chart.upright("limit", (part.read)(within))?;
+    chart(&frame, part_axis(part, pairs, data), Axis::between(0.0, 100.0, false), |chart| {
+        chart.upright("limit", (part.bound)(data))?;
         chart.draw(LineSeries::new(curve(|pair| &pair.default), ink("curve-default")))?;
         chart.draw(LineSeries::new(curve(|pair| &pair.tuned), ink("curve-tuned")))
     })
 }
 
-/// The outline of the staircase; pairs without an error never arrive.
-pub(super) fn steps(mut errors: Vec<f64>) -> Vec<(f64, f64)> {
+/// Outline of a cumulative distribution, percent; pairs with unknown errors count as infinite.
+pub(crate) fn steps(mut errors: Vec<f64>) -> Vec<(f64, f64)> {
     let share = 100.0 / errors.len() as f64;
     errors.retain(|e| e.is_finite());
     errors.sort_by(f64::total_cmp);
@@ -181,9 +225,9 @@ pub(super) fn steps(mut errors: Vec<f64>) -> Vec<(f64, f64)> {
         .collect()
 }
 
-fn part_axis(part: &Part, pairs: &[PairError], within: &PoseError) -> Axis {
+fn part_axis(part: &Part, pairs: &[PairErrors], data: &DataConfig) -> Axis {
     let errors = pairs.iter().flat_map(|p| [(part.read)(&p.default), (part.read)(&p.tuned)]);
-    Axis::log_around(errors.chain([(part.read)(within)]), FLOOR)
+    Axis::log_around(errors.chain([(part.bound)(data)]), FLOOR)
 }
 
 const SLOPE_KEYS: [Key<'static>; 7] = [

@@ -1,10 +1,15 @@
-//! Each parameter's way from default to tuned, in its own unit and within its bounds.
+//! Parameters by generation, from default to tuned, each in its unit and within its bounds.
 
-use super::axis::Axis;
+use echoloop_closed_loop::parameters::{Scale, Values, choices, effective};
+use echoloop_closed_loop::run_folder::journal::Generation;
+use echoloop_closed_loop::run_folder::run::{Background, RunResult};
+
 use super::convergence::{generation_axis, generations};
-use super::data::{ParameterTrace, Report};
-use super::format::{escape, file_name, significant, with_unit};
-use super::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
+use super::{Report, optional_length};
+use crate::ReportError;
+use crate::axis::Axis;
+use crate::format::{escape, file_name, significant, with_unit};
+use crate::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
 
 const SIZE: Px = [240.0, 132.0];
 
@@ -15,7 +20,80 @@ const KEYS: [Key<'static>; 4] = [
     ("tuned", Sample::Dot, "tuned"),
 ];
 
-/// The small multiples and the same figures as a table, or nothing without parameters.
+/// One parameter over the generations, in real units.
+#[derive(Clone, Debug, Default)]
+pub struct ParameterTrace {
+    /// Name, such as `voxel`.
+    pub name: String,
+    /// Unit, such as `m`; empty when it has none.
+    pub unit: String,
+    /// Lower bound.
+    pub min: f64,
+    /// Upper bound.
+    pub max: f64,
+    /// True when its axis, of search and plot, is logarithmic.
+    pub log: bool,
+    /// Names of its values, from 0, when it is a choice; else empty.
+    pub choices: &'static [&'static str],
+    /// Value before tuning.
+    pub default: f64,
+    /// Value after tuning.
+    pub tuned: f64,
+    /// The distribution's mean, one for each of [`Convergence::generation`].
+    ///
+    /// [`Convergence::generation`]: super::Convergence::generation
+    pub mean: Vec<f64>,
+    /// Mean minus one standard deviation, mapped to real units after the subtraction (the search
+    /// may be logarithmic).
+    pub low: Vec<f64>,
+    /// Mean plus one standard deviation, likewise.
+    pub high: Vec<f64>,
+}
+
+impl ParameterTrace {
+    /// A trace for each axis of a finished run.
+    pub(super) fn of_run(
+        background: &Background,
+        result: &RunResult,
+        generations: &[Generation],
+    ) -> Vec<Self> {
+        let value = |values: &Values, name: &str| effective(values, name).unwrap_or(f64::NAN);
+        let axes = background.axes.iter().enumerate();
+        axes.map(|(i, record)| {
+            let axis = record.axis();
+            let at = |offset: f64| -> Vec<f64> {
+                let point = |g: &Generation| Some(g.mean.get(i)? + offset * g.deviations.get(i)?);
+                let values = generations.iter().map(|g| point(g).map(|u| axis.from_cube(u)));
+                values.map(|value| value.unwrap_or(f64::NAN)).collect()
+            };
+            Self {
+                name: record.name.clone(),
+                unit: record.unit.clone(),
+                min: axis.min,
+                max: axis.max,
+                log: axis.scale == Scale::Log,
+                choices: choices(&record.name),
+                default: value(&result.default, &record.name),
+                tuned: value(&result.tuned, &record.name),
+                mean: at(0.0),
+                low: at(-1.0),
+                high: at(1.0),
+            }
+        })
+        .collect()
+    }
+
+    pub(super) fn check(&self, generations: usize) -> Result<(), ReportError> {
+        [("mean", &self.mean), ("low", &self.low), ("high", &self.high)].iter().try_for_each(
+            |(name, values)| {
+                let series = format!("{name} of {}", self.name);
+                optional_length(&series, values.len(), generations, "generations")
+            },
+        )
+    }
+}
+
+/// The small multiples and their values as a table; empty without parameters.
 pub(super) fn section(report: &Report) -> String {
     if report.parameters.is_empty() {
         return String::new();
@@ -54,7 +132,7 @@ fn change(p: &ParameterTrace) -> String {
     format!("{} → {tuned}", value(p, p.default))
 }
 
-/// A value, a choice by name.
+/// A value as text; a choice by its name.
 fn value(p: &ParameterTrace, value: f64) -> String {
     let choice = p.choices.get(value as usize).filter(|_| value.is_finite());
     choice.map_or_else(|| significant(value), |&choice| choice.to_owned())

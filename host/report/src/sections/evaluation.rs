@@ -1,26 +1,115 @@
-//! The headline, its three figures and the table of default against tuned.
+//! Default against tuned on the held-out pairs: the headline, its three figures, and the table.
 
+use echoloop_closed_loop::config::DataConfig;
+use echoloop_closed_loop::evaluation::gain::{Difference, Estimate, Figures};
+use echoloop_closed_loop::evaluation::summary::Summary;
+use echoloop_closed_loop::run_folder::run::RunResult;
 use plotters::element::{PathElement, Rectangle};
 use plotters::style::Color;
 
-use super::data::{Difference, EvaluationRow, EvaluationTable, Report, RowKind};
-use super::format::{escape, fixed, signed, significant, with_unit};
-use super::plot::{Caption, at, drawing};
-use super::theme::ink;
+use super::Report;
+use crate::format::{escape, fixed, signed, significant, with_unit};
+use crate::plot::{Caption, at, drawing};
+use crate::theme::ink;
 
-/// A column of figures: how to read it and which way is better.
+/// Figures of several sets of parameters on the same held-out pairs.
+#[derive(Clone, Debug, Default)]
+pub struct EvaluationTable {
+    /// The first [`RowKind::Default`] row is the reference of differences; the first
+    /// [`RowKind::Tuned`] row is the headline's.
+    pub rows: Vec<EvaluationRow>,
+    /// Bounds of a success.
+    pub data: DataConfig,
+}
+
+/// Meaning of a row of the table.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RowKind {
+    /// The parameters before tuning.
+    #[default]
+    Default,
+    /// The parameters after tuning, with differences from the default row.
+    Tuned,
+    /// Figures from elsewhere, such as the paper's, without differences.
+    Reference,
+}
+
+/// One row of the [`EvaluationTable`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct EvaluationRow {
+    /// Name of the row, such as "tuned, joint".
+    pub label: String,
+    /// Meaning of the row.
+    pub kind: RowKind,
+    /// Number of held-out pairs, if known.
+    pub pairs: Option<usize>,
+    /// Figures with their 95 % intervals; NaN where unknown.
+    pub figures: Figures<Estimate>,
+    /// Differences from the default row on the same pairs, if known.
+    pub gain: Option<Figures<Difference>>,
+}
+
+impl EvaluationTable {
+    /// The summaries of a finished run.
+    pub(super) fn of_run(result: &RunResult, data: &DataConfig) -> Self {
+        let row = |(kind, label, summary): (RowKind, String, &Summary)| EvaluationRow {
+            label,
+            kind,
+            pairs: Some(summary.pairs),
+            figures: Figures::of(summary, data),
+            gain: (kind == RowKind::Tuned)
+                .then(|| Figures::between(&result.default_summary, summary, data)),
+        };
+        Self { rows: judged(result).map(row).collect(), data: *data }
+    }
+
+    fn first(&self, kind: RowKind) -> Option<&EvaluationRow> {
+        self.rows.iter().find(|row| row.kind == kind)
+    }
+
+    /// The two rows of the headline: default and tuned.
+    fn both(&self) -> Option<(&EvaluationRow, &EvaluationRow)> {
+        self.first(RowKind::Default).zip(self.first(RowKind::Tuned))
+    }
+}
+
+/// Rows of a run's tables, with name and summary: the plain method where the run used a variant of
+/// it, the default parameters, the tuned ones.
+pub fn judged(result: &RunResult) -> impl Iterator<Item = (RowKind, String, &Summary)> {
+    let plain = result.plain_summary.as_ref();
+    let plain = plain.map(|plain| (RowKind::Reference, format!("plain {}", result.method), plain));
+    plain.into_iter().chain([
+        (RowKind::Default, "default".to_owned(), &result.default_summary),
+        (RowKind::Tuned, "tuned".to_owned(), &result.tuned_summary),
+    ])
+}
+
+/// A column of the table.
 struct Column {
-    /// Where a row has its interval and its difference.
+    /// Index among the figures [`in_order`].
     index: usize,
     head: &'static str,
-    /// As in a sentence.
+    /// Name within a sentence.
     name: &'static str,
+    /// Pairs that the figure is taken over.
     over: &'static str,
     unit: &'static str,
     difference_unit: &'static str,
+    /// Units of the column in one of the figure's.
+    scale: f64,
     decimals: usize,
     more_is_better: bool,
-    read: fn(&EvaluationRow) -> f64,
+}
+
+/// The figures in the order of the columns.
+fn in_order<T: Copy>(figures: &Figures<T>) -> [T; 5] {
+    [
+        figures.recall_pct,
+        figures.mean_translation_m,
+        figures.mean_rotation_deg,
+        figures.median_translation_m,
+        figures.median_rotation_deg,
+    ]
 }
 
 const RECALL: Column = Column {
@@ -30,9 +119,9 @@ const RECALL: Column = Column {
     over: "pairs that succeed",
     unit: "%",
     difference_unit: "points",
+    scale: 1.0,
     decimals: 1,
     more_is_better: true,
-    read: |row| row.recall_pct,
 };
 const TRANSLATION: Column = Column {
     index: 1,
@@ -41,9 +130,9 @@ const TRANSLATION: Column = Column {
     over: "over successes",
     unit: "cm",
     difference_unit: "cm",
+    scale: 100.0,
     decimals: 2,
     more_is_better: false,
-    read: |row| row.mean_translation_cm,
 };
 const ROTATION: Column = Column {
     index: 2,
@@ -51,8 +140,8 @@ const ROTATION: Column = Column {
     name: "mean rotation error",
     unit: "°",
     difference_unit: "°",
+    scale: 1.0,
     decimals: 3,
-    read: |row| row.mean_rotation_deg,
     ..TRANSLATION
 };
 const COLUMNS: [Column; 5] = [
@@ -64,7 +153,6 @@ const COLUMNS: [Column; 5] = [
         head: "Median translation error",
         name: "median translation error",
         over: "over all pairs",
-        read: |row| row.median_translation_cm,
         ..TRANSLATION
     },
     Column {
@@ -72,27 +160,26 @@ const COLUMNS: [Column; 5] = [
         head: "Median rotation error",
         name: "median rotation error",
         over: "over all pairs",
-        read: |row| row.median_rotation_deg,
         ..ROTATION
     },
 ];
 
-/// What the headline names.
+/// Columns of the headline: recall and both means.
 const NAMED: [&Column; 3] = [&COLUMNS[0], &COLUMNS[1], &COLUMNS[2]];
 
-/// What a difference comes to.
+/// Direction of a difference, if it is significant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Verdict {
     Better,
     Worse,
-    /// Chance could have done it.
+    /// Not significant.
     NotShown,
-    /// There is no difference to speak of: a figure is missing.
+    /// No difference, since a figure is missing.
     Unknown,
 }
 
 impl Verdict {
-    /// Its class, and what it says.
+    /// Class of the style sheet, and text.
     fn words(self) -> [&'static str; 2] {
         match self {
             Self::Better => ["better", "better"],
@@ -104,19 +191,29 @@ impl Verdict {
 }
 
 impl Column {
-    fn value(&self, row: &EvaluationRow) -> String {
-        with_unit(&fixed((self.read)(row), self.decimals), self.unit)
+    fn estimate(&self, row: &EvaluationRow) -> Estimate {
+        let Estimate { value, interval } = in_order(&row.figures)[self.index];
+        Estimate { value: self.scale * value, interval: interval.map(|end| self.scale * end) }
     }
 
-    /// From and to of an interval, without a unit; nothing where there is none.
+    fn value(&self, row: &EvaluationRow) -> String {
+        with_unit(&fixed(self.estimate(row).value, self.decimals), self.unit)
+    }
+
+    /// Ends of the interval without a unit; `None` where there is none.
     fn interval(&self, row: &EvaluationRow) -> Option<String> {
-        let ends = row.intervals[self.index];
+        let ends = self.estimate(row).interval;
         let [low, high] = ends.map(|end| fixed(end, self.decimals));
         ends.iter().all(|end| end.is_finite()).then(|| format!("{low} to {high}"))
     }
 
+    /// Difference from the default row, if it is known.
+    fn gain(&self, row: &EvaluationRow) -> Option<Difference> {
+        row.gain.as_ref().map(|gain| in_order(gain)[self.index])
+    }
+
     fn verdict(&self, difference: &Difference) -> Verdict {
-        match difference.value {
+        match difference.estimate.value {
             d if !d.is_finite() => Verdict::Unknown,
             _ if !difference.is_shown => Verdict::NotShown,
             d if (d > 0.0) == self.more_is_better => Verdict::Better,
@@ -126,17 +223,18 @@ impl Column {
 
     /// `−0.18 cm (−0.25 to −0.12)`.
     fn change(&self, difference: &Difference) -> String {
-        let [low, high] = difference.interval.map(|end| signed(end, self.decimals));
-        let value = with_unit(&signed(difference.value, self.decimals), self.difference_unit);
-        match difference.interval.iter().all(|end| end.is_finite()) {
+        let Estimate { value, interval } = difference.estimate;
+        let number = |value: f64| signed(self.scale * value, self.decimals);
+        let [low, high] = interval.map(number);
+        let value = with_unit(&number(value), self.difference_unit);
+        match interval.iter().all(|end| end.is_finite()) {
             true => format!("{value} ({low} to {high})"),
             false => value,
         }
     }
 }
 
-/// What was tuned and what came of it: recall and both means, before and after, then what of that
-/// is more than chance.
+/// Recall and both means before and after tuning, then the significant differences.
 pub(super) fn headline(report: &Report) -> String {
     let parameters = match report.parameters.len() {
         0 => "Tuning".to_owned(),
@@ -183,36 +281,40 @@ fn on_pairs(row: &EvaluationRow) -> String {
     row.pairs.map_or(String::new(), |pairs| format!(", on {pairs} held-out pairs"))
 }
 
-/// What got better, what got worse and what cannot be told, a sentence each.
+/// Differences that are better, worse and not significant, a sentence each.
 fn verdict(tuned: &EvaluationRow) -> String {
-    let Some(gain) = &tuned.gain else { return String::new() };
-    let of = |asked: Verdict, text: &dyn Fn(&Column, &Difference) -> String| {
-        let those = NAMED.iter().filter(|column| column.verdict(&gain[column.index]) == asked);
-        those.map(|column| text(column, &gain[column.index])).collect::<Vec<_>>()
+    if tuned.gain.is_none() {
+        return String::new();
+    }
+    let those = |verdict: Verdict, text: &dyn Fn(&Column, &Difference) -> String| {
+        let known = NAMED.iter().filter_map(|column| Some((column, column.gain(tuned)?)));
+        let those = known.filter(|(column, gain)| column.verdict(gain) == verdict);
+        those.map(|(column, gain)| text(column, &gain)).collect::<Vec<_>>()
     };
     let with_change = |column: &Column, difference: &Difference| {
         format!("{} {}", column.name, column.change(difference))
     };
-    let (better, worse) = (of(Verdict::Better, &with_change), of(Verdict::Worse, &with_change));
-    let same = of(Verdict::NotShown, &|column, _| column.name.to_owned());
+    let better = those(Verdict::Better, &with_change);
+    let worse = those(Verdict::Worse, &with_change);
+    let same = those(Verdict::NotShown, &|column, _| column.name.to_owned());
     let on = tuned.pairs.map_or(String::new(), |pairs| format!(" on {pairs} pairs"));
-    let mut said = Vec::new();
+    let mut sentences = Vec::new();
     if better.is_empty() && worse.is_empty() {
-        said.push("<strong>Nothing was proven.</strong>".to_owned());
+        sentences.push("<strong>Nothing was proven.</strong>".to_owned());
     }
     if !worse.is_empty() {
-        said.push(format!("<b class=\"worse\">Worse:</b> {}.", worse.join(", ")));
+        sentences.push(format!("<b class=\"worse\">Worse:</b> {}.", worse.join(", ")));
     }
     if !better.is_empty() {
-        said.push(format!("<b class=\"better\">Better:</b> {}.", better.join(", ")));
+        sentences.push(format!("<b class=\"better\">Better:</b> {}.", better.join(", ")));
     }
     if !same.is_empty() {
-        said.push(format!("No difference in {} could be shown{on}.", listed(&same)));
+        sentences.push(format!("No difference in {} could be shown{on}.", listed(&same)));
     }
     format!(
         "<p class=\"verdict\">{} In parentheses: 95\u{a0}% intervals, of differences pair by \
          pair.</p>",
-        said.join(" ")
+        sentences.join(" ")
     )
 }
 
@@ -225,7 +327,7 @@ fn listed(names: &[String]) -> String {
     }
 }
 
-/// Recall and both means, large, from default to tuned.
+/// Tiles of recall and both means, from default to tuned.
 pub(super) fn tiles(table: &EvaluationTable) -> String {
     let Some((default, tuned)) = table.both() else {
         return String::new();
@@ -247,13 +349,13 @@ pub(super) fn tiles(table: &EvaluationTable) -> String {
     format!("<div class=\"tiles\">{tiles}</div>\n")
 }
 
-/// The table with differences to the default row, or nothing without rows.
+/// The table with differences from the default row; empty without rows.
 pub(super) fn section(table: &EvaluationTable) -> String {
     self::table("Default against tuned", &criterion(table), table)
 }
 
-/// The same under another heading.
-pub(super) fn table(heading: &str, lead: &str, table: &EvaluationTable) -> String {
+/// The table under a heading and a lead, which is HTML; empty without rows.
+pub(crate) fn table(heading: &str, lead: &str, table: &EvaluationTable) -> String {
     if table.rows.is_empty() {
         return String::new();
     }
@@ -273,26 +375,21 @@ pub(super) fn table(heading: &str, lead: &str, table: &EvaluationTable) -> Strin
 }
 
 fn criterion(table: &EvaluationTable) -> String {
-    let within = &table.success_within;
-    let rule = match within.translation_m.is_finite() && within.rotation_deg.is_finite() {
-        true => format!(
-            "A pair succeeds when its pose is within {} and {} of the truth. ",
-            with_unit(&significant(within.translation_m), "m"),
-            with_unit(&significant(within.rotation_deg), "°")
-        ),
-        false => String::new(),
-    };
+    let DataConfig { success_translation_m, success_rotation_deg, .. } = table.data;
     format!(
-        "{rule}Means count successes only, so they can grow when harder pairs begin to succeed; \
+        "A pair succeeds when its pose is within {} and {} of the truth. \
+         Means count successes only, so they can grow when harder pairs begin to succeed; \
          medians count every pair. Intervals are of 95\u{a0}% for this number of pairs: Wilson’s \
          of recall, which the bar shows, a bootstrap over pairs of the others and of all \
          differences. \
          A difference counts as shown when its interval leaves zero out, and of recall when \
-         McNemar’s exact test agrees."
+         McNemar’s exact test agrees.",
+        with_unit(&significant(success_translation_m), "m"),
+        with_unit(&significant(success_rotation_deg), "°")
     )
 }
 
-/// The columns' names stand in each cell too: on a narrow page a row is a card.
+/// A row whose cells repeat the names of their columns: on a narrow page a row becomes a card.
 fn table_row(row: &EvaluationRow) -> String {
     let class = match row.kind {
         RowKind::Default => "row-default",
@@ -324,22 +421,23 @@ fn table_row(row: &EvaluationRow) -> String {
 }
 
 fn difference(column: &Column, row: &EvaluationRow) -> String {
-    let Some(difference) = row.gain.as_ref().map(|gain| &gain[column.index]) else {
-        return String::new();
-    };
-    let [class, verdict] = column.verdict(difference).words();
+    let Some(difference) = column.gain(row) else { return String::new() };
+    let [class, verdict] = column.verdict(&difference).words();
     if class.is_empty() {
         return String::new();
     }
-    format!("<span class=\"change {class}\">{} <i>{verdict}</i></span>", column.change(difference))
+    let change = column.change(&difference);
+    format!("<span class=\"change {class}\">{change} <i>{verdict}</i></span>")
 }
 
+/// A bar of the recall with its interval as a whisker.
 fn recall_bar(row: &EvaluationRow) -> String {
-    if !row.recall_pct.is_finite() {
+    let Estimate { value, interval } = row.figures.recall_pct;
+    if !value.is_finite() {
         return String::new();
     }
-    let recall = (row.recall_pct / 100.0).clamp(0.0, 1.0);
-    let interval = row.intervals[RECALL.index].map(|end| end / 100.0);
+    let recall = (value / 100.0).clamp(0.0, 1.0);
+    let interval = interval.map(|end| end / 100.0);
     let interval = interval.iter().all(|end| end.is_finite()).then_some(interval);
     let across = |share: f64| 2.0 + 100.0 * share;
     drawing(&Caption::default(), [104.0, 12.0], &bar_label(interval), |canvas, _| {
@@ -370,11 +468,11 @@ mod tests {
     use super::*;
 
     fn gain(value: f64, interval: [f64; 2], is_shown: bool) -> Difference {
-        Difference { value, interval, is_shown }
+        Difference { estimate: Estimate { value, interval }, is_shown }
     }
 
     #[test]
-    fn a_verdict_knows_which_way_is_better_and_believes_no_chance() {
+    fn a_verdict_depends_on_the_column_s_direction_and_on_significance() {
         let verdict = |column: usize, value, is_shown| {
             COLUMNS[column].verdict(&gain(value, [value - 1.0, value + 1.0], is_shown))
         };
@@ -385,31 +483,46 @@ mod tests {
         assert_eq!(verdict(2, f64::NAN, false), Verdict::Unknown);
     }
 
+    fn figures<T>(of: [T; 5]) -> Figures<T> {
+        let [recall_pct, mean_translation_m, mean_rotation_deg, median_translation_m, last] = of;
+        let median_rotation_deg = last;
+        Figures {
+            recall_pct,
+            mean_translation_m,
+            mean_rotation_deg,
+            median_translation_m,
+            median_rotation_deg,
+        }
+    }
+
     fn report(gain: [Difference; 5]) -> Report {
-        let row =
-            |kind, [recall_pct, mean_translation_cm, mean_rotation_deg]: [f64; 3]| EvaluationRow {
+        let row = |kind, means: [f64; 3]| {
+            let intervals = [[90.0, 99.0], [0.002, 0.009], [0.01, 0.05]];
+            let [recall, translation, rotation] =
+                std::array::from_fn(|i| Estimate { value: means[i], interval: intervals[i] });
+            let unknown = Estimate { value: f64::NAN, interval: [0.0; 2] };
+            EvaluationRow {
+                label: String::new(),
                 kind,
                 pairs: Some(40),
-                recall_pct,
-                mean_translation_cm,
-                mean_rotation_deg,
-                intervals: [[90.0, 99.0], [0.2, 0.9], [0.01, 0.05], [0.0; 2], [0.0; 2]],
-                ..EvaluationRow::default()
-            };
-        let tuned = row(RowKind::Tuned, [100.0, 0.7, 0.02]);
+                figures: figures([recall, translation, rotation, unknown, unknown]),
+                gain: None,
+            }
+        };
+        let tuned = row(RowKind::Tuned, [100.0, 0.007, 0.02]);
         let rows = vec![
-            row(RowKind::Default, [97.5, 0.5, 0.03]),
-            EvaluationRow { gain: Some(gain), ..tuned },
+            row(RowKind::Default, [97.5, 0.005, 0.03]),
+            EvaluationRow { gain: Some(figures(gain)), ..tuned },
         ];
         let table = EvaluationTable { rows, ..EvaluationTable::default() };
         Report { table, ..Report::default() }
     }
 
     #[test]
-    fn the_headline_names_recall_and_both_means_with_intervals_and_what_got_worse() {
+    fn the_headline_has_recall_and_both_means_with_intervals_and_the_worse_figures() {
         let shown = |value: f64| gain(value, [0.5 * value, 1.5 * value], true);
         let chance = gain(2.5, [0.0, 7.5], false);
-        let html = headline(&report([chance, shown(0.2), shown(-0.01), chance, chance]));
+        let html = headline(&report([chance, shown(0.002), shown(-0.01), chance, chance]));
         for part in [
             "recall 97.5\u{a0}% <small>(90.0 to 99.0)</small> → <em>100.0\u{a0}%</em>",
             "mean translation error 0.50\u{a0}cm",
@@ -425,10 +538,10 @@ mod tests {
     }
 
     #[test]
-    fn where_nothing_is_proven_the_headline_says_so() {
+    fn a_headline_without_significant_differences_says_so() {
         let html = headline(&report([gain(2.5, [-1.0, 7.5], false); 5]));
-        let said = "Nothing was proven.</strong> No difference in recall, mean translation error \
-                    or mean rotation error could be shown on 40 pairs.";
-        assert!(html.contains(said), "{html}");
+        let expected = "Nothing was proven.</strong> No difference in recall, mean translation \
+                        error or mean rotation error could be shown on 40 pairs.";
+        assert!(html.contains(expected), "{html}");
     }
 }

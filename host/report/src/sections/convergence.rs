@@ -1,16 +1,104 @@
 //! Fitness and step size by generation.
 
-use super::axis::Axis;
-use super::data::Convergence;
-use super::format::significant;
-use super::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
+use echoloop_closed_loop::config::TuneConfig;
+use echoloop_closed_loop::config::preset::ErrorMean;
+use echoloop_closed_loop::run_folder::journal::Generation;
+use echoloop_closed_loop::search::Origin;
+use echoloop_statistics::median;
+
+use super::optional_length;
+use crate::ReportError;
+use crate::axis::Axis;
+use crate::finished_runs::FinishedRun;
+use crate::format::significant;
+use crate::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
 
 const SIZE: Px = [520.0, 310.0];
 const SIGMA_SIZE: Px = [360.0, 310.0];
 
 const SIGMA_KEYS: [Key<'static>; 1] = [("sigma", Sample::Line, "step size σ of the search")];
 
-/// Both plots with their legend, or nothing without generations.
+/// Fitness (lower is better) and step size by generation. Each series is as long as `generation`,
+/// or empty.
+#[derive(Clone, Debug, Default)]
+pub struct Convergence {
+    /// Numbers of the generations, rising.
+    pub generation: Vec<u32>,
+    /// Best candidate of the generation.
+    pub best: Vec<f64>,
+    /// Lower quartile of the population.
+    pub lower_quartile: Vec<f64>,
+    /// Median of the population.
+    pub median: Vec<f64>,
+    /// Upper quartile of the population.
+    pub upper_quartile: Vec<f64>,
+    /// Fitness at the distribution's mean; not finite where it was not evaluated.
+    pub mean_point: Vec<f64>,
+    /// Fitness on held-out pairs that steer nothing; not finite where it was not evaluated.
+    pub held_out: Vec<f64>,
+    /// Step size σ of the search, in widths of the unit cube.
+    pub sigma: Vec<f64>,
+    /// Fitness of the default parameters on the training pairs.
+    pub default_fitness: Option<f64>,
+    /// Definition and unit of the fitness, such as "mean ‖T − T*‖ over 10 training pairs".
+    pub fitness_name: String,
+}
+
+impl Convergence {
+    /// The generations of a finished run.
+    pub(super) fn of_run(run: &FinishedRun, generations: &[Generation]) -> Self {
+        let finalists = &run.result.finalists;
+        let start = finalists.iter().find(|f| Origin::read(&f.origin) == Some(Origin::Start));
+        let mut series = Self {
+            default_fitness: start.map(|finalist| finalist.fitness),
+            fitness_name: fitness_name(&run.config.tune),
+            ..Self::default()
+        };
+        for generation in generations {
+            let mut fitness: Vec<f64> = generation.candidates.iter().map(|c| c.fitness).collect();
+            fitness.sort_by(f64::total_cmp);
+            let quantile = |q: f64| {
+                let at = (fitness.len().saturating_sub(1) as f64 * q).round() as usize;
+                fitness.get(at).copied().unwrap_or(f64::NAN)
+            };
+            series.generation.push(generation.generation.saturating_add(1));
+            series.best.push(quantile(0.0));
+            series.lower_quartile.push(quantile(0.25));
+            series.median.push(median(fitness.iter().copied()));
+            series.upper_quartile.push(quantile(0.75));
+            series.sigma.push(generation.sigma);
+        }
+        series
+    }
+
+    pub(super) fn check(&self) -> Result<(), ReportError> {
+        let series = [
+            ("best fitness", &self.best),
+            ("lower quartile", &self.lower_quartile),
+            ("median fitness", &self.median),
+            ("upper quartile", &self.upper_quartile),
+            ("fitness at the mean", &self.mean_point),
+            ("held-out fitness", &self.held_out),
+            ("sigma", &self.sigma),
+        ];
+        series.iter().try_for_each(|(name, values)| {
+            optional_length(name, values.len(), self.generation.len(), "generations")
+        })
+    }
+}
+
+fn fitness_name(tune: &TuneConfig) -> String {
+    let mean = match tune.error_mean {
+        ErrorMean::Arithmetic => "mean",
+        ErrorMean::Geometric => "geometric mean",
+    };
+    match tune.error_cap {
+        cap if cap > 0.0 => format!("{mean} ‖T − T*‖_F, capped at {cap}"),
+        _ => format!("{mean} ‖T − T*‖_F"),
+    }
+}
+
+/// Both plots with their legend; empty without generations.
 pub(super) fn section(convergence: &Convergence) -> String {
     if convergence.generation.is_empty() {
         return String::new();
@@ -32,7 +120,7 @@ pub(super) fn generations(convergence: &Convergence) -> Vec<f64> {
     convergence.generation.iter().copied().map(f64::from).collect()
 }
 
-/// The axis all plots by generation share.
+/// Axis that all plots by generation share.
 pub(super) fn generation_axis(xs: &[f64]) -> Axis {
     Axis::between(xs.first().copied().unwrap_or(0.0), xs.last().copied().unwrap_or(1.0), false)
 }
@@ -100,7 +188,7 @@ fn keys(c: &Convergence) -> Vec<Key<'static>> {
     all.into_iter().filter(|(shown, _)| *shown).map(|(_, key)| key).collect()
 }
 
-/// The step size, unless it is unknown throughout.
+/// Plot of the step size; empty where it is unknown throughout.
 fn sigma(c: &Convergence, xs: &[f64]) -> String {
     if !c.sigma.iter().any(|s| s.is_finite()) {
         return String::new();
