@@ -10,9 +10,9 @@ use nalgebra::{Matrix6, Vector6};
 /// ```
 ///
 /// `ξ` is a small motion in the target's frame: a turn `ω` about the x, y and z of the target's
-/// origin, then a shift `t` along them. So rows and columns 0 to 2 are turns, 3 to 5 shifts. Some
-/// programs have it the other way round (GTSAM's `Pose3` has the turn first, ROS the shift), or in
-/// the source's frame: `C_source = Ad⁻¹ C Ad⁻ᵀ` with the estimate's adjoint.
+/// origin, then a shift `t` along them. So rows and columns 0 to 2 are turns, 3 to 5 shifts. ROS
+/// has the shift first; GTSAM's `Pose3` has this order in the source's frame:
+/// `C_source = Ad⁻¹ C Ad⁻ᵀ` with the estimate's adjoint.
 ///
 /// Its computation, and measurements of how well it holds: benches/record/registration.md.
 #[derive(Clone, Copy, Debug, PartialEq)]
