@@ -353,8 +353,8 @@ fn weak_echoes_in_little_noise_are_unbiased_at_every_rate_and_resolution() {
 #[test]
 fn false_alarms_are_as_rare_as_the_physics_says() {
     const WINDOWS: u32 = 30_000;
-    // Rates per 800 ns window at k = 4 with σ known: benches/record/physics.md §4. Measuring σ in the same
-    // waveform adds a fifth.
+    // Rates per 800 ns window at k = 4 with σ known: benches/record/physics.md §4. Measuring σ in
+    // the same waveform adds a fifth.
     for (bins, known_sigma) in [(HALF_GS, 0.0106), (ONE_GS, 0.0133), (THREE_GS, 0.0167)] {
         let settings = Settings {
             bins,
