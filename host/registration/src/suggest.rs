@@ -188,8 +188,8 @@ pub fn suggest_refinement(target: &Cloud, source: &Cloud, global_voxel_m: f64) -
 /// quarters have 15 within the features' of five, and at most 30,000 points are left. With it FGR
 /// registers as many of the hard pairs (benches/record/registration.md) as with the best of 0.3,
 /// 0.5, 0.8 and 1.2 m: 75 %, and no fewer in any kind of place, at any distance, in dense scans or
-/// sparse ones. With 0.3 to 0.7 m, by the radius alone, it registers 62 %. The larger the voxel, the
-/// rougher the motion: refine it.
+/// sparse ones. With 0.3 to 0.7 m, by the radius alone, it registers 62 %. The larger the voxel,
+/// the rougher the motion: refine it.
 pub fn suggest_features(target: &Cloud, source: &Cloud) -> FeatureConfig {
     Suggestions::new(target, source).features()
 }

@@ -316,7 +316,7 @@ settings! {
         gicp Some(0.8), ours(linear(0.1, 1.5));
     }
     length_tolerance_m: f64, "m", LENGTH, formerly "max_stretch_m",
-        "Largest difference of the source's and the target's distance of two compatible matches, m.",
+        "Largest difference of two compatible matches' distances in source and target, m.",
         "The published code asks on KITTI that `1 - (d / τ)²` be above 0.9: a third of τ." =>
     {
         mac 0.316, searched("", log(0.02, 1.0), linear(0.01, 0.2), 0.03);

@@ -43,7 +43,7 @@ pub(crate) struct LastSearch {
     at: Point3<f32>,
 }
 
-/// Longest distance of a pair, and how much farther to look, m.
+/// Longest distance of a pair, and the extra reach of a search, m.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
     pair_m: f32,

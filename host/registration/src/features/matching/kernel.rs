@@ -1,8 +1,8 @@
 //! The inner loops, for the processor at hand.
 //!
 //! LLVM turns the bounds of a box into shuffles of half registers, so for x86-64-v3 they are
-//! written by hand: the same operations in the same order, without fused multiply-add, and so the same
-//! bytes.
+//! written by hand: the same operations in the same order, without fused multiply-add, and so the
+//! same bytes.
 
 #[cfg(target_arch = "x86_64")]
 use echoloop_dispatch::V3;
