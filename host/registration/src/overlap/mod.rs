@@ -67,9 +67,11 @@ pub struct Scene {
 /// Evidence of two scans for or against a motion. Shares are of the thinned points of both, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Overlap {
-    /// Points on a surface of the other scan that faces the same way, weighted by distance.
+    /// Share of the points on a surface of the other scan that faces the same way, weighted by
+    /// distance.
     pub supported: f64,
-    /// Points through which the other sensor saw: its echoes in that direction are farther away.
+    /// Share of the points through which the other sensor saw: its echoes in that direction are
+    /// farther away.
     pub seen_through: f64,
 }
 
