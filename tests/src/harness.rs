@@ -61,7 +61,7 @@ impl Serialize for Raw<'_> {
 }
 
 /// Checks that an accepted frame, encoded again, decodes to the same message.
-fn said_again<'a, T>(frame: &'a mut [u8], again: &'a mut [u8; MAX_FRAME])
+fn decodes_again<'a, T>(frame: &'a mut [u8], again: &'a mut [u8; MAX_FRAME])
 where
     T: Message + Deserialize<'a> + PartialEq + Debug,
 {
@@ -86,8 +86,8 @@ pub fn frame_decoder(bytes: &[u8]) {
     for &byte in bytes.iter().chain(framed.iter().flatten()) {
         if let Some(Ok(frame)) = decoder.push(byte) {
             let mut again = [0; MAX_FRAME];
-            said_again::<Report>(&mut frame.to_vec(), &mut again);
-            said_again::<Command<'_>>(frame, &mut again);
+            decodes_again::<Report>(&mut frame.to_vec(), &mut again);
+            decodes_again::<Command<'_>>(frame, &mut again);
         }
     }
 }

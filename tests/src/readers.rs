@@ -51,15 +51,16 @@ pub const READERS: [Reader; 15] = [
     ("journal", journal),
 ];
 
-/// The result; of a refusal, checks that it is short and has no control characters.
-fn told<T>(read: Result<T, impl Display>) -> Option<T> {
+/// The result of a reader; `None` for a refusal, which must be short and without control
+/// characters.
+fn checked<T>(read: Result<T, impl Display>) -> Option<T> {
     match read {
         Ok(read) => Some(read),
         Err(error) => {
-            let said = error.to_string();
-            assert!(said.len() < 3_000, "{} bytes: {said}", said.len());
-            let hidden = said.chars().find(|c| c.is_control() && *c != '\n');
-            assert_eq!(hidden, None, "{said}");
+            let message = error.to_string();
+            assert!(message.len() < 3_000, "{} bytes: {message}", message.len());
+            let hidden = message.chars().find(|c| c.is_control() && *c != '\n');
+            assert_eq!(hidden, None, "{message}");
             None
         }
     }
@@ -68,7 +69,7 @@ fn told<T>(read: Result<T, impl Display>) -> Option<T> {
 /// A mesh of at most `most` triangles.
 fn mesh_within(name: &str, bytes: &[u8], most: usize) -> bool {
     let options = ImportOptions { ground: Ground::None, ..ImportOptions::default() };
-    let Some(scene) = told(parse_scene(Path::new(name), bytes, &options)) else { return false };
+    let Some(scene) = checked(parse_scene(Path::new(name), bytes, &options)) else { return false };
     assert_eq!(scene.mesh.check(MATERIALS.len(), options.max_reach_m), Ok(()));
     assert!(scene.mesh.triangles.len() <= most, "{} bytes", bytes.len());
     true
@@ -90,7 +91,7 @@ pub fn stl(bytes: &[u8]) -> bool {
 
 /// A scan of CARLA's semantic LiDAR.
 pub fn semantic(bytes: &[u8]) -> bool {
-    let Some(seen) = told(parse_semantic(bytes, Tags::Carla0914)) else { return false };
+    let Some(seen) = checked(parse_semantic(bytes, Tags::Carla0914)) else { return false };
     assert!(seen.len() < bytes.len());
     for one in &seen {
         assert!(one.direction.iter().all(|x| x.is_finite()), "{one:?}");
@@ -121,7 +122,7 @@ pub fn mesh_ply(bytes: &[u8]) -> bool {
 
 /// A road network.
 pub fn roads(bytes: &[u8]) -> bool {
-    let Some(network) = told(parse_network(Path::new("any.xodr"), bytes)) else { return false };
+    let Some(network) = checked(parse_network(Path::new("any.xodr"), bytes)) else { return false };
     assert!(!network.lanes().is_empty());
     for lane in network.lanes() {
         assert!(
@@ -137,7 +138,7 @@ pub fn roads(bytes: &[u8]) -> bool {
 }
 
 fn cloud(name: &str, bytes: &[u8], most: usize) -> bool {
-    let Some((cloud, _)) = told(parse_cloud(Path::new(name), bytes)) else { return false };
+    let Some((cloud, _)) = checked(parse_cloud(Path::new(name), bytes)) else { return false };
     assert!(cloud.points.iter().all(|p| p.coords.iter().all(|v| v.is_finite())));
     assert!(cloud.points.iter().all(|p| p.coords.iter().any(|v| *v != 0.0)));
     assert!((1..=most).contains(&cloud.points.len()), "{} of {most}", cloud.points.len());
@@ -188,7 +189,9 @@ pub fn xyz(bytes: &[u8]) -> bool {
 
 /// Waveforms, and the same rows as an instrument's response.
 pub fn rows(bytes: &[u8]) -> bool {
-    let Some(rows) = told(parse_waveforms(Path::new("any"), bytes.to_vec())) else { return false };
+    let Some(rows) = checked(parse_waveforms(Path::new("any"), bytes.to_vec())) else {
+        return false;
+    };
     let numbers: usize = (0..rows.len())
         .map(|row| {
             let row = rows.row(row);
@@ -197,7 +200,7 @@ pub fn rows(bytes: &[u8]) -> bool {
         })
         .sum();
     assert!(rows.len() + numbers <= 2 * bytes.len(), "{} bytes", bytes.len());
-    if let Some(response) = told(Response::of_points(Path::new("any"), &rows, 1.0)) {
+    if let Some(response) = checked(Response::of_points(Path::new("any"), &rows, 1.0)) {
         assert!(response.width() >= 1.0 && response.points().all(|(_, level, _)| level <= 1.0));
     }
     true
@@ -206,7 +209,7 @@ pub fn rows(bytes: &[u8]) -> bool {
 /// A motion.
 pub fn pose(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(bytes);
-    let Some(pose) = told(parse_pose(Path::new("any"), &text)) else { return false };
+    let Some(pose) = checked(parse_pose(Path::new("any"), &text)) else { return false };
     let rotation = pose.rotation.to_rotation_matrix();
     assert!((rotation.matrix().determinant() - 1.0).abs() < 1e-9, "{pose}");
     assert!(pose.translation.vector.iter().all(|v| v.is_finite()));
@@ -216,8 +219,8 @@ pub fn pose(bytes: &[u8]) -> bool {
 /// A configuration; one that its checks accept reads back as it was written.
 pub fn configuration(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(bytes);
-    let Some(config) = told(config::parse(&text)) else { return false };
-    if told(config.check()).is_none() {
+    let Some(config) = checked(config::parse(&text)) else { return false };
+    if checked(config.check()).is_none() {
         return false;
     }
     let written = config::written(&config).expect("TOML has its numbers");
@@ -230,7 +233,7 @@ pub fn journal(bytes: &[u8]) -> bool {
     let lines = || bytes.split(|&byte| byte == b'\n').filter(|line| !line.is_empty());
     let mut whole = false;
     for journal in [bytes.to_vec(), sealed_lines(lines())] {
-        if let Some(generations) = told(whole_generations(&journal)) {
+        if let Some(generations) = checked(whole_generations(&journal)) {
             assert!(generations < lines().count());
             whole |= generations > 0;
         }

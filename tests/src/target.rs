@@ -1,4 +1,4 @@
-//! Boards in QEMU with their firmware images; a test without them is skipped aloud.
+//! Boards in QEMU with their firmware images; a test without them is skipped with a message.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,8 +13,8 @@ pub fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// A machine with its image. Without emulator or image the test is skipped aloud; with `CI` set it
-/// fails.
+/// A machine with its image. Without emulator or image the test is skipped with a message; with
+/// `CI` set it fails.
 ///
 /// # Panics
 ///

@@ -1,4 +1,4 @@
-//! The architecture as the build sees it: who may depend on whom, and no `std` below the sensor.
+//! Architecture, checked in the built crates: allowed dependencies, and no `std` below the sensor.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -139,14 +139,14 @@ const ALLOWED: [(&str, &str, &[&str]); 33] = [
     ("xtask", "xtask", &["echoloop-statistics"]),
 ];
 
-/// What an image is made of.
+/// Crates of an image.
 const IMAGE: &[&str] =
     &["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-restarts", "echoloop-sensor"];
 
-/// What an image for a part on sale is made of, and what its tests need.
+/// Crates of an image for a part on sale, and of its tests.
 const PART: &[&str] = &["echoloop-dsp", "echoloop-part", "echoloop-restarts", "echoloop-sensor"];
 
-/// What the program is made of, and what its tests need.
+/// Crates of the program, and of its tests.
 const LIBRARIES: &[&str] = &[
     "echoloop-closed-loop",
     "echoloop-clouds",
@@ -224,8 +224,9 @@ fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// What is built into a crate, itself included, one line `name vX.Y.Z|feature,feature` each, for
-/// this machine or for a target. Procedural macros run at build time only and do not count.
+/// Packages that are built into a crate, itself included, one line `name vX.Y.Z|feature,feature`
+/// each, for this machine or for a target. Procedural macros run at build time only and do not
+/// count.
 fn built_into(package: &str, target: Option<&str>) -> BTreeSet<String> {
     built_with(package, target, &[])
 }
@@ -352,7 +353,7 @@ fn the_libraries_bring_neither_the_program_nor_its_command_line() {
 }
 
 #[test]
-fn what_tests_need_is_built_into_no_crate_but_theirs() {
+fn test_helpers_are_built_into_no_crate_but_the_tests() {
     for (package, folder, _) in ALLOWED.iter().filter(|(_, f, _)| !["tests", "fuzz"].contains(f)) {
         let built = built_into(package, None);
         let needs = built.iter().filter(|line| name(line) == "echoloop-needs").count();
@@ -373,7 +374,7 @@ fn the_firmware_is_built_without_std_and_without_an_allocator() {
 }
 
 #[test]
-fn what_is_in_an_image_lies_below_firmware() {
+fn every_crate_of_an_image_lies_below_firmware() {
     for (package, target) in NO_STD.iter().flat_map(|p| BOARDS.map(|target| (p, target))) {
         let built = built_into(package, Some(target));
         let ours: Vec<&str> =
@@ -482,10 +483,10 @@ fn the_page_on_the_architecture_has_the_same_table() {
         let folder = folder.trim().trim_matches('`').to_owned();
         Some((name.trim().trim_end_matches('`').to_owned(), (folder, names_of(names))))
     });
-    let told: BTreeMap<String, (String, BTreeSet<String>)> = rows.collect();
+    let declared: BTreeMap<String, (String, BTreeSet<String>)> = rows.collect();
     for (package, folder, allowed) in ALLOWED {
         let allowed = allowed.iter().map(|name| (*name).to_owned()).collect();
-        assert_eq!(told.get(package), Some(&(folder.to_owned(), allowed)), "{package}");
+        assert_eq!(declared.get(package), Some(&(folder.to_owned(), allowed)), "{package}");
     }
-    assert_eq!(told.len(), ALLOWED.len());
+    assert_eq!(declared.len(), ALLOWED.len());
 }

@@ -126,8 +126,9 @@ fn packed_pcd(points: u32) -> Vec<u8> {
     [head.into_bytes(), sizes, packed].concat()
 }
 
-/// Points of eleven numbers, as short as possible in the file; those of text are long in memory.
-fn said_pcd(data: &str, record: &[u8]) -> Vec<u8> {
+/// PCD of points of eleven numbers each, as short as possible in the file; numbers of text are long
+/// in memory.
+fn wide_pcd(data: &str, record: &[u8]) -> Vec<u8> {
     let (size, kind) = if data == "ascii" { ("8", "F") } else { ("1", "U") };
     let row = |word: &str| format!(" {word}").repeat(11);
     let points = SIZE / record.len() - 100;
@@ -140,8 +141,8 @@ fn said_pcd(data: &str, record: &[u8]) -> Vec<u8> {
     repeated(&head, record, &[])
 }
 
-/// As [`said_pcd`].
-fn said_ply(format: &str, kind: &str, record: &[u8]) -> Vec<u8> {
+/// PLY as [`wide_pcd`].
+fn wide_ply(format: &str, kind: &str, record: &[u8]) -> Vec<u8> {
     let names = ["x", "y", "z", "a", "b", "c", "d", "e", "f", "g", "h"];
     let properties = names.map(|name| format!("property {kind} {name}\n")).concat();
     let points = SIZE / record.len() - 100;
@@ -246,10 +247,10 @@ fn no_reader_takes_more_than_eight_times_its_file_and_64_mb() {
             Box::new(|| repeated(&format!("{header}POINTS 1\nDATA ascii\n"), b"1 ", &[])),
         ),
         ("a.pcd", cloud, Box::new(|| repeated("VERSION", b" 1", &[]))),
-        ("a.pcd", cloud, Box::new(|| said_pcd("binary", &[1; 11]))),
-        ("a.pcd", cloud, Box::new(|| said_pcd("ascii", b"1 1 1 1 1 1 1 1 1 1 1\n"))),
-        ("a.ply", cloud, Box::new(|| said_ply("binary_little_endian", "uchar", &[1; 11]))),
-        ("a.ply", cloud, Box::new(|| said_ply("ascii", "double", b"1 1 1 1 1 1 1 1 1 1 1\n"))),
+        ("a.pcd", cloud, Box::new(|| wide_pcd("binary", &[1; 11]))),
+        ("a.pcd", cloud, Box::new(|| wide_pcd("ascii", b"1 1 1 1 1 1 1 1 1 1 1\n"))),
+        ("a.ply", cloud, Box::new(|| wide_ply("binary_little_endian", "uchar", &[1; 11]))),
+        ("a.ply", cloud, Box::new(|| wide_ply("ascii", "double", b"1 1 1 1 1 1 1 1 1 1 1\n"))),
         ("a.bin", cloud, Box::new(|| repeated("", &[0, 0, 128, 63], &[]))),
         ("a.xyz", cloud, Box::new(|| repeated("", b"1 1 1\n", &[]))),
         ("a.xyz", cloud, Box::new(|| repeated("x,y,z", b",1", &[]))),

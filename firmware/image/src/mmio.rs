@@ -71,7 +71,7 @@ impl Block {
         }
     }
 
-    /// Copies halfwords out, as many as lie within.
+    /// Copies the halfwords that lie within.
     pub fn copy_halfwords(&self, to: &mut [u16]) {
         for (pair, offset) in to.chunks_mut(2).zip((0..self.bytes).step_by(4)) {
             let word = self.read(offset);

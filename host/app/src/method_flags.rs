@@ -237,12 +237,12 @@ mod tests {
         }
         let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
         for line in [
-            "icp, gicp, fgr, mac: points farther apart are no pair, m [a length above 0 m, at most \
-             1e6 m] --",
-            "fgr, mac: radius of the features' neighbourhood, m [a length above 0 m, at most \
+            "icp, gicp, fgr, mac: largest distance between the points of a pair, m [a length above \
+             0 m, at most 1e6 m] --",
+            "fgr, mac: radius of the neighbourhood of a feature, m [a length above 0 m, at most \
              1e6 m; normal_radius_m or more (Sec. 3.3)]",
-            "at most [icp, gicp: 1 or more; fgr: 1 to 100000; mac: at most 100000]",
-            "icp, gicp: a step that turns less than this, rad, ends the run if its length",
+            "iterations [icp, gicp: 1 or more; fgr: 1 to 100000; mac: at most 100000]",
+            "icp, gicp: turn of a step, rad, below which the run ends if its length",
         ] {
             assert!(help.contains(line), "{line}: {help}");
         }

@@ -33,7 +33,7 @@ pub enum CloudError {
     Format {
         /// The file.
         path: PathBuf,
-        /// What was expected, and what was found.
+        /// Expected and found content.
         problem: String,
     },
     /// The file is valid but holds no echo.

@@ -67,7 +67,7 @@ pub fn frobenius_error(estimate: &Pose, truth: &Pose) -> f64 {
     (estimate.to_homogeneous() - truth.to_homogeneous()).norm()
 }
 
-/// The 4×4 matrix of a pose, row by row.
+/// The 4×4 matrix of a pose, row by row; the translation in metres.
 pub fn to_rows(pose: &Pose) -> [f64; 16] {
     let matrix = pose.to_homogeneous();
     std::array::from_fn(|i| matrix[(i / 4, i % 4)])

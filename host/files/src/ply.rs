@@ -174,9 +174,9 @@ pub fn lists(vertex: &ElementDef) -> impl Iterator<Item = &str> {
 /// The vertices of a file as points of a sensor.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
-    /// Coordinates x, y, z of each.
+    /// Coordinates x, y, z of each, as in the file, `[n]`.
     pub at: Vec<[f32; 3]>,
-    /// The [`RANGE_SD`] of each, if the file has it.
+    /// The [`RANGE_SD`] of each, m, `[n]`, if the file has it.
     pub range_sds: Option<Vec<f32>>,
 }
 

@@ -68,7 +68,7 @@ impl Prepared {
 }
 
 dispatch! {
-    /// Fills `codes`, as many as were prepared for, with the waveform of one shot.
+    /// Fills `codes`, one for each sample prepared for, with the waveform of one shot.
     pub(crate) fn render(
         prepared: &Prepared,
         light: Light<'_>,

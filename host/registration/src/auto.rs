@@ -10,15 +10,15 @@ use crate::{
     Outcome, Registration, Source, StopReason, Suggestions, Target,
 };
 
-/// The voxels of the features, over the finest: what is described at 0.8 m is a door, at 2.5 m a
-/// house, and sparse scans know only houses.
+/// Voxels of the features over the finest one. Features at 0.8 m describe a door, at 2.5 m a house;
+/// sparse scans show only houses.
 const SCALES: [f64; 4] = [1.0, 1.5, 2.25, 3.125];
 
-/// Voxels that pairs are apart at first when a candidate is refined, and in the end.
+/// Largest distance of the first and of the last pairs when a candidate is refined, in voxels.
 const REFINED_VOXELS: [f64; 2] = [5.0, 1.25];
 
-/// A finished motion keeps this share of the score it began with, or it went astray. Scores know
-/// decimetres: below that GICP knows better.
+/// Share of its first score that a motion must keep when it is finished; else the first stands.
+/// Scores resolve decimetres: below that GICP is the finer.
 const KEPT_SCORE: f64 = 0.95;
 
 /// Steps of a candidate's refinement.
@@ -33,8 +33,8 @@ const REFINED_ITERATIONS: usize = 30;
 /// 3. A score of the refined ones; GICP at the clouds' own voxel finishes the best.
 /// 4. A motion that the scans do not confirm is [`StopReason::Unconfirmed`].
 ///
-/// Matches agree at one scale only, and their inliers count only what that scale
-/// described. The points of both scans are independent evidence, also of open space.
+/// Matches and their inliers are evidence of one scale only. The points of both scans are
+/// independent evidence, also of open space.
 #[derive(Clone, Debug)]
 pub struct Auto {
     config: AutoConfig,
@@ -56,6 +56,8 @@ struct Bench {
 }
 
 impl Auto {
+    /// Method with these settings.
+    ///
     /// # Errors
     ///
     /// [`ConfigError`] names the field that cannot run.
@@ -73,10 +75,10 @@ impl Auto {
         let bench = Bench::new(target, source, self.config.voxel_m)?;
         let mut guesses = self.guesses(target, source);
         guesses.push(*initial);
-        let best = best_of(bench.judged(&guesses), self.config.max_refined);
+        let best = best_of(bench.scored(&guesses), self.config.max_refined);
         let refined: Vec<Pose> =
             best.par_iter().map(|candidate| bench.refined(&candidate.target_from_source)).collect();
-        let best = best_of(bench.judged(&refined), 1);
+        let best = best_of(bench.scored(&refined), 1);
         let start = best.first().ok_or(StopReason::NoConsensus)?.target_from_source;
         let finished = finish(target, source, self.config.voxel_m, &start)?;
         Ok(bench.conclude(start, finished))
@@ -128,7 +130,7 @@ impl Bench {
         Ok(Self { target, source, icp, prepared })
     }
 
-    fn judged(&self, motions: &[Pose]) -> Vec<Candidate> {
+    fn scored(&self, motions: &[Pose]) -> Vec<Candidate> {
         motions.par_iter().map(|motion| self.candidate(motion)).collect()
     }
 

@@ -10,9 +10,9 @@ use nalgebra::{Matrix6, Vector6};
 /// ```
 ///
 /// `ξ` is a small motion in the target's frame: a turn `ω` about the x, y and z of the target's
-/// origin, then a shift `t` along them. So rows and columns 0 to 2 are turns, 3 to 5 shifts. Some
-/// programs have it the other way round (GTSAM's `Pose3` has the turn first, ROS the shift), or in
-/// the source's frame: `C_source = Ad⁻¹ C Ad⁻ᵀ` with the estimate's adjoint.
+/// origin, then a shift `t` along them. So rows and columns 0 to 2 are turns, 3 to 5 shifts. ROS
+/// has the shift first; GTSAM's `Pose3` has this order in the source's frame:
+/// `C_source = Ad⁻¹ C Ad⁻ᵀ` with the estimate's adjoint.
 ///
 /// Its computation, and measurements of how well it holds: benches/record/registration.md.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,15 +29,15 @@ impl Covariance {
         [3, 4, 5].map(|i| self.0[(i, i)].sqrt())
     }
 
-    /// Row by row.
+    /// The matrix row by row: rad², rad·m and m².
     pub fn to_rows(&self) -> [[f64; 6]; 6] {
         std::array::from_fn(|row| std::array::from_fn(|column| self.0[(row, column)]))
     }
 
     /// Squared error of an estimate, normalised: `ξᵀ C⁻¹ ξ / 6`, whose mean is 1 where the
     /// covariance is right (NEES; Bar-Shalom, Li and Kirubarajan, "Estimation with applications to
-    /// tracking and navigation", 2001, Sec. 5.4). Of errors that are normal, 95 % are below
-    /// 12.59 / 6. Absent where the matrix is not positive definite.
+    /// tracking and navigation", 2001, Sec. 5.4). For normal errors 95 % are below 12.59 / 6.
+    /// `None` where the matrix is not positive definite.
     pub fn normalized_error_squared(&self, estimate: &Pose, truth: &Pose) -> Option<f64> {
         let error = error(estimate, truth);
         self.0.cholesky().map(|whole| error.dot(&whole.solve(&error)) / 6.0)

@@ -25,6 +25,8 @@ pub struct Gicp {
 }
 
 impl Gicp {
+    /// Method with these settings.
+    ///
     /// # Errors
     ///
     /// [`ConfigError`] names the field that cannot run.

@@ -50,6 +50,8 @@ pub struct Icp {
 }
 
 impl Icp {
+    /// Method with these settings.
+    ///
     /// # Errors
     ///
     /// [`ConfigError`] names the field that cannot run.

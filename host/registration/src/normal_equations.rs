@@ -25,8 +25,8 @@ use super::icp::step::Step;
 pub struct NormalEquations {
     /// Σ w j jᵀ, m² for turns; the lower half is not filled.
     pub(super) jj: [[f64; 6]; 6],
-    /// Σ j jᵀ: what the pairs show, whatever they weigh.
-    pub(super) shown: [[f64; 6]; 6],
+    /// Σ j jᵀ, without weights.
+    pub(super) unweighted: [[f64; 6]; 6],
     /// Σ w j r.
     pub(super) jr: [f64; 6],
     /// Σ s, m.
@@ -44,7 +44,7 @@ pub struct NormalEquations {
 }
 
 impl NormalEquations {
-    /// Adds a pair.
+    /// Adds a pair: moved source point `s`, target point `q`, m, and its unit normal `n`.
     #[inline]
     pub fn add(&mut self, s: &Point3<f64>, q: &Point3<f64>, n: &Vector3<f64>) {
         let d = s - q;
@@ -55,7 +55,7 @@ impl NormalEquations {
             *jr += j[row] * r;
             for column in row..6 {
                 jj[column] += j[row] * j[column];
-                self.shown[row][column] += j[row] * j[column];
+                self.unweighted[row][column] += j[row] * j[column];
             }
         }
         self.s += s.coords;
@@ -71,7 +71,9 @@ impl NormalEquations {
         for (ours, theirs) in self.jj.iter_mut().flatten().zip(other.jj.iter().flatten()) {
             *ours += theirs;
         }
-        for (ours, theirs) in self.shown.iter_mut().flatten().zip(other.shown.iter().flatten()) {
+        for (ours, theirs) in
+            self.unweighted.iter_mut().flatten().zip(other.unweighted.iter().flatten())
+        {
             *ours += theirs;
         }
         for (ours, theirs) in self.jr.iter_mut().zip(&other.jr) {
@@ -106,15 +108,16 @@ impl NormalEquations {
         Centred::new(self.pairs, &self.s, self.ss)
     }
 
-    /// Which motions the pairs determine, whatever they weigh: a wall that a kernel trusts little
-    /// is still a wall.
+    /// Motions that the pairs determine, without weights: a wall of small weight still holds its
+    /// direction.
     pub(super) fn observability(&self, centred: &Centred, threshold: f64) -> Observability {
-        let shown = centred.square(&whole(&self.shown)) / self.pairs.max(1) as f64;
-        Observability::from_information(&shown, threshold)
+        let unweighted = centred.square(&whole(&self.unweighted)) / self.pairs.max(1) as f64;
+        Observability::from_information(&unweighted, threshold)
     }
 
-    /// The step to the least squares, and which of its directions the pairs determine; it does not
-    /// move along the others (solution remapping, Zhang, Kaess and Singh 2016).
+    /// The step to the least squares, and the directions that the pairs determine with at least the
+    /// share `degeneracy_threshold` of the information; it does not move along the others (solution
+    /// remapping, Zhang, Kaess and Singh 2016).
     pub fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {
         let n = if self.weight > 0.0 { self.weight } else { 1.0 };
         let centred = self.centred();
@@ -186,18 +189,18 @@ dispatch! {
 #[inline(always)]
 fn add_all_inline(sums: &mut NormalEquations, pairs: &Pairs, kernel: Kernel) {
     let mut rows = RowSums::default();
-    let mut shown = RowSums::default();
+    let mut unweighted = RowSums::default();
     let mut moments = MomentSums::default();
     for Group { s, d, n, r, w, .. } in pairs.groups(kernel) {
         rows.add(&w, &s, &n, &r);
         if kernel != Kernel::LEAST_SQUARES {
-            shown.add(&[1.0; LANES], &s, &n, &r);
+            unweighted.add(&[1.0; LANES], &s, &n, &r);
         }
         moments.add(&s, &d, &r, &w);
     }
     rows.add_to(sums);
-    let shown = if kernel == Kernel::LEAST_SQUARES { &rows } else { &shown };
-    shown.add_shown_to(sums);
+    let unweighted = if kernel == Kernel::LEAST_SQUARES { &rows } else { &unweighted };
+    unweighted.add_unweighted_to(sums);
     moments.add_to(sums, pairs.len());
 }
 
@@ -224,8 +227,8 @@ impl RowSums {
     }
 
     /// Adds what the pairs show, if these rows are of weight 1.
-    pub(super) fn add_shown_to(&self, sums: &mut NormalEquations) {
-        for (sum, lane) in sums.shown.iter_mut().flatten().zip(self.jj.iter().flatten()) {
+    pub(super) fn add_unweighted_to(&self, sums: &mut NormalEquations) {
+        for (sum, lane) in sums.unweighted.iter_mut().flatten().zip(self.jj.iter().flatten()) {
             *sum += total(lane);
         }
     }

@@ -10,7 +10,7 @@ use crate::{Covariance, Observability, PrepareError};
 pub struct Outcome {
     /// The motion; the initial guess if nothing was found.
     pub target_from_source: Pose,
-    /// Why it ended.
+    /// Reason of the end.
     pub stop: StopReason,
     /// Steps taken.
     pub iterations: usize,
@@ -57,12 +57,12 @@ impl From<PrepareError> for StopReason {
     }
 }
 
-/// Why a registration ended.
+/// Reason why a registration ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StopReason {
-    /// The step, or what it changed, fell below the tolerances: the one success.
+    /// The step, or the change of fitness and RMSE, fell below the tolerances: the only success.
     Converged,
-    /// It was still moving after the last iteration allowed.
+    /// The source still moved in the last allowed iteration.
     MaxIterations,
     /// Fewer pairs than a motion has unknowns: the clouds are too far apart, or too small.
     TooFewPairs,
@@ -71,8 +71,8 @@ pub enum StopReason {
     /// No more matches agree than would by chance: the motion is the best one found, and not to be
     /// trusted.
     NoConsensus,
-    /// The clouds do not confirm the motion: too little of one lies on the other, or stands where
-    /// the other's sensor saw the open. See [`Overlap::confirms`].
+    /// The clouds do not confirm the motion: too little of one lies on the other, or too much lies
+    /// in space that the other's sensor saw empty. See [`Overlap::confirms`].
     Unconfirmed,
     /// The pairs leave a direction open; along it the initial guess stands.
     Degenerate,
@@ -88,8 +88,8 @@ impl StopReason {
         self == Self::Converged
     }
 
-    /// Its name in files and in documents. That of [`StopReason::Converged`] is still the one that
-    /// readers of earlier versions know.
+    /// Its name in files and documents. [`StopReason::Converged`] keeps its former name `Still`,
+    /// for readers of earlier versions.
     pub fn name(self) -> &'static str {
         match self {
             Self::Converged => "Still",

@@ -9,13 +9,13 @@ use crate::geometry::quantile::quantile;
 use crate::geometry::voxel::VoxelError;
 use crate::geometry::{normals, voxel};
 
-/// Why a cloud cannot be prepared.
+/// Reason why a cloud cannot be prepared.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PrepareError {
-    /// It holds no echo.
+    /// The cloud holds no echo.
     #[error("the cloud holds no point")]
     Empty,
-    /// It cannot be cut into voxels.
+    /// The cloud cannot be cut into voxels.
     #[error(transparent)]
     Voxel(#[from] VoxelError),
 }
@@ -49,8 +49,8 @@ impl From<&GicpConfig> for Surface {
 }
 
 /// A cloud to register to: thinned, with normals and a tree. Preparing it is half the work of a
-/// registration, so keep it as long as `voxel_m`, `normal_radius_m` and `normal_neighbours` stay.
-/// Generalised ICP wants its source so, too.
+/// registration, so keep it while `voxel_m`, `normal_radius_m` and `normal_neighbours` stay the
+/// same. Generalised ICP takes its source in this form too.
 #[derive(Clone, Debug)]
 pub struct Target {
     pub(super) tree: BoxTree,
@@ -99,7 +99,7 @@ impl Source {
     ///
     /// # Errors
     ///
-    /// As [`Target::prepare`].
+    /// As for [`Target::prepare`].
     pub fn prepare(cloud: &Cloud, surface: impl Into<Surface>) -> Result<Self, PrepareError> {
         let surface = surface.into();
         if !surface.source_normals {
@@ -110,7 +110,7 @@ impl Source {
         Ok(Self { points: tree.into_points(), normals, noise })
     }
 
-    /// How many points are left.
+    /// Count of the points left.
     pub fn len(&self) -> usize {
         self.points.len()
     }

@@ -17,9 +17,9 @@ use super::{Outcome, Registration, StopReason};
 /// "Found nothing" is an empty cloud, bad settings, too few matches or too few pairs; then the
 /// motion is as rough as the global method left it.
 ///
-/// The consensus is always the global method's, and `iterations` counts the steps of both. A motion
-/// without consensus stays without: that the points fit where it put them says nothing about
-/// whether that is the place.
+/// The consensus is always the global method's, and `iterations` counts the steps of both. A local
+/// method that converges does not make up for a missing consensus: it converges at wrong places
+/// too.
 #[derive(Clone, Debug)]
 pub struct Refined<G, L> {
     /// The global method.
@@ -60,7 +60,7 @@ mod tests {
     use super::*;
     use crate::Consensus;
 
-    /// Goes on by `x_m` and says `stop`; as a global method, with a consensus.
+    /// Method that moves by `x_m` and stops for `stop`; a global one has a consensus.
     struct Fake {
         x_m: f64,
         stop: StopReason,
@@ -81,8 +81,8 @@ mod tests {
 
     const CONSENSUS: Consensus = Consensus { matches: 50, searched: 50, inliers: 20, margin: None };
 
-    /// A global method that goes 10 m on, a local one that goes 1 m: how far, how many steps, and
-    /// why it ended.
+    /// Distance, steps and stop reason of a global method that moves by 10 m, then a local one by
+    /// 1 m.
     fn run(global: StopReason, local: StopReason) -> (f64, usize, StopReason) {
         let global = Fake { x_m: 10.0, stop: global, consensus: Some(CONSENSUS) };
         let refined = Refined { global, local: Fake { x_m: 1.0, stop: local, consensus: None } };
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_local_method_that_moved_has_the_last_word() {
+    fn the_motion_and_reason_of_a_local_method_that_moved_count() {
         for global in [Converged, MaxIterations, Degenerate] {
             for local in [Converged, MaxIterations, Degenerate] {
                 assert_eq!(run(global, local), (111.0, 6, local));

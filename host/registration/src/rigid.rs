@@ -8,21 +8,21 @@ use super::features::PointPair;
 /// Least count of pairs that determine a motion, if they neither coincide nor lie on a line.
 const LEAST_PAIRS: usize = 3;
 
-/// Points on a line leave the turn about it open: the gap of the eigenvalues, over the largest, is
-/// about the squared width over the squared length of the set. This much is a width of 0.1 mm at 10
-/// m, the rounding of `f32` points.
+/// Least gap of the eigenvalues, over the largest: about the squared width over the squared length
+/// of the points. Points on a line leave the turn about it open. 1e-10 is a width of 0.1 mm at
+/// 10 m, the rounding of `f32` points.
 const LEAST_GAP: f64 = 1e-10;
 
-/// The motion `target_from_source` of the least squares
+/// The motion `target_from_source` that minimises the weighted squared distances of pairs.
 ///
 /// ```text
-/// min Σ w |q - (R p + t)|²      p of the source, q of the target, m      R ∈ SO(3)
+/// min Σ w |q - (R p + t)|²      p of the source, q of the target, m      R ∈ SO(3)      w ≥ 0
 /// ```
 ///
-/// from pairs and their weights `w`, 0 or more. `t` takes the weighted centroid of `p` to that of
+/// `t` takes the weighted centroid of `p` to that of
 /// `q`; `R` is the unit quaternion of the largest eigenvalue of a 4×4 matrix (Horn, "Closed-form
 /// solution of absolute orientation using unit quaternions", 1987), so it never mirrors, whatever
-/// the pairs. Absent when the pairs of positive weight are fewer than three or leave a turn open
+/// the pairs. `None` when the pairs of positive weight are fewer than three or leave a turn open
 /// (coincident, or on a line), and when a number among them is not finite or a weight is negative.
 pub fn rigid(pairs: impl Iterator<Item = (PointPair, f64)> + Clone) -> Option<Pose> {
     let means = Means::new(pairs.clone())?;
@@ -71,7 +71,7 @@ impl Means {
     }
 }
 
-/// The rotation that maximises `tr(R C)`; absent when another one does as well.
+/// The rotation that maximises `tr(R C)`; `None` when another one does so too.
 fn rotation(c: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
     let scale = c.amax();
     if !(scale > 0.0 && scale.is_finite()) {
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pair_of_weight_0_says_nothing_and_a_negative_weight_is_refused() {
+    fn a_pair_of_weight_0_does_not_count_and_a_negative_weight_is_refused() {
         let truth = Pose::new([1.0, 2.0, 3.0].into(), [0.1, 0.2, 0.3].into());
         let mut pairs = moved(&CORNER, &truth);
         pairs.push(PointPair { source: [9.0, 9.0, 9.0].into(), target: [0.0; 3].into() });

@@ -26,21 +26,21 @@ const SMALL_RADIUS_M: f64 = 8.0;
 /// Most points with features: more cost time and gain nothing.
 const MOST_POINTS: usize = 30_000;
 
-/// Half of the points should have this many neighbours, themselves included, within the normals'
+/// Number of neighbours, itself included, that half of the points should have within the normals'
 /// radius.
 const NORMAL_FILLED: usize = 8;
 
-/// Three quarters of the points should have this many within the features' radius.
+/// Number of neighbours that three quarters of the points should have within the features' radius.
 const FEATURE_FILLED: usize = 15;
 
 /// Largest growth of a voxel in a round. Coarser voxels leave fewer neighbours.
 const GROWTH: f64 = 1.25;
 
-/// Most rounds of growth, to about twice the voxel. Points crowd near a sensor, and no voxel
-/// makes the far ones as dense.
+/// Most rounds of growth: together to about twice the voxel. Points crowd near a sensor, and no
+/// voxel makes the far ones as dense.
 const ROUNDS: usize = 3;
 
-/// Sample of the points whose neighbours are looked up.
+/// Number of points whose neighbours are counted.
 const SAMPLES: usize = 500;
 
 /// Settings that fit two clouds. The size of the clouds is computed once for all suggestions.
@@ -106,7 +106,7 @@ impl<'a> Suggestions<'a> {
         self.auto(None).voxel_m
     }
 
-    /// The finest voxel of the features that are described at several scales.
+    /// Settings of [`crate::Auto`]; the voxel is the finest of its features.
     fn auto(&self, voxel_m: Option<f64>) -> AutoConfig {
         let outdoor = AutoConfig::outdoor();
         let voxel_m = voxel_m.unwrap_or(outdoor.voxel_m * self.share_of_scene());
@@ -136,16 +136,16 @@ impl<'a> Suggestions<'a> {
 /// Suggests settings of ICP, scaled to the clouds, coarse to fine.
 ///
 /// The radius of a cloud is that of the ball around its median point that holds 9 of 10 points; of
-/// two clouds, the larger. On four outdoor pairs (radii 10 to 37 m, motions up to 3.4 m and 10°)
-/// this comes 0.1 to 1.1 cm and at most 0.22° from the truth in both directions from the identity;
-/// plain ICP with pairs within 1 m fails one of those eight by 2.6 m. It also came there from 24
-/// starts 2 m and 11° off on three of the pairs; on the fourth (radius 10 m) from 20.
+/// two clouds, the larger. On four outdoor pairs (radii 10 to 37 m, motions up to 3.4 m and 10°),
+/// each registered in both directions from the identity, ICP ends 0.1 to 1.1 cm and at most 0.22°
+/// from the truth; plain ICP with pairs within 1 m misses one of the eight by 2.6 m. From 24 starts
+/// 2 m and 11° off it ends there too, all on three pairs, 20 on the fourth (radius 10 m).
 ///
-/// | setting | of the radius | at 24 m |
+/// | setting | share of the radius | at a radius of 24 m |
 /// |---|---|---|
 /// | voxel | 1/80 | 0.3 m |
 /// | normals, of the nearest 20 within | 20 voxels, at most 3 m | 3 m |
-/// | pair distance, first | 1/4; at least 5 m, or 5/8 of less than 8 m | 6 m |
+/// | pair distance, first | 1/4, at least 5 m; 5/8 of a radius below 8 m | 6 m |
 /// | pair distance, last | 2 voxels | 0.6 m |
 pub fn suggest(target: &Cloud, source: &Cloud) -> IcpConfig {
     Suggestions::new(target, source).icp()
@@ -154,7 +154,7 @@ pub fn suggest(target: &Cloud, source: &Cloud) -> IcpConfig {
 /// Suggests settings of any method. If a voxel is given, the lengths that depend on it
 /// follow it.
 ///
-/// FGR in Open3D's way gets the radii and the distance of Open3D's example.
+/// FGR in mode `open3d` gets the radii and the distance of Open3D's example.
 pub fn suggest_method(
     method: Method,
     mode: FgrMode,
@@ -171,8 +171,8 @@ pub fn suggest_gicp(target: &Cloud, source: &Cloud) -> GicpConfig {
 }
 
 /// Suggests settings that refine the motion of a global method with voxel `global_voxel_m`. The
-/// voxel is that of [`suggest()`]; the first pairs are as far apart as the global method may be
-/// off, two of its voxels, or four of ours.
+/// voxel is that of [`suggest()`], if smaller. The first pairs are at most as far apart as the
+/// error of the global method, two of its voxels, and at least four voxels of the refinement.
 pub fn suggest_refinement(target: &Cloud, source: &Cloud, global_voxel_m: f64) -> IcpConfig {
     Suggestions::new(target, source).refinement(global_voxel_m)
 }
@@ -183,14 +183,13 @@ pub fn suggest_refinement(target: &Cloud, source: &Cloud, global_voxel_m: f64) -
 /// voxel = 1.2 m · min(1, radius / 8 m)      of the larger cloud
 /// ```
 ///
-/// It is enlarged, to its double at most, where points lie so far apart that fewer than half of
-/// them have 8 neighbours within the normals' radius of three voxels, or fewer than three quarters
-/// 15 within the features' of five; and where more than 30,000 points would be left. On the hard
-/// pairs (benches/record/registration.md) FGR then finds as many as with the best voxel of 0.3,
-/// 0.5, 0.8 and
-/// 1.2 m in every kind of place, at every distance, in dense scans and in sparse ones; with 0.3 to
-/// 0.7 m, which the radius once asked for, it found 62 % instead of 75 %. The motion is the rougher
-/// the larger the voxel is: refine it.
+/// It is enlarged in at most three rounds, by at most a quarter each for the sake of neighbours,
+/// until half of the points have 8 neighbours within the normals' radius of three voxels, three
+/// quarters have 15 within the features' of five, and at most 30,000 points are left. With it FGR
+/// registers as many of the hard pairs (benches/record/registration.md) as with the best of 0.3,
+/// 0.5, 0.8 and 1.2 m: 75 %, and no fewer in any kind of place, at any distance, in dense scans or
+/// sparse ones. With 0.3 to 0.7 m, by the radius alone, it registers 62 %. The larger the voxel,
+/// the rougher the motion: refine it.
 pub fn suggest_features(target: &Cloud, source: &Cloud) -> FeatureConfig {
     Suggestions::new(target, source).features()
 }
@@ -200,8 +199,8 @@ pub fn suggest_features(target: &Cloud, source: &Cloud) -> FeatureConfig {
 fn widened(cloud: &Cloud, mut voxel_m: f64) -> f64 {
     for _ in 0..ROUNDS {
         let Ok(thinned) = voxel::downsample(cloud, voxel_m) else { return voxel_m };
-        // Points on surfaces: their number falls with the square of the voxel. What is left is
-        // rounding.
+        // Points on surfaces: their number falls with the square of the voxel. The least growth
+        // of 1.05 makes up for rounding.
         let excess = thinned.points.len() as f64 / MOST_POINTS as f64;
         let wanted_m = if excess > 1.0 {
             voxel_m * excess.sqrt().max(1.05)
@@ -216,7 +215,7 @@ fn widened(cloud: &Cloud, mut voxel_m: f64) -> f64 {
     voxel_m
 }
 
-/// The voxel at which the radii of normals and features hold enough neighbours; 0 if there are
+/// The voxel, m, at which the radii of normals and features hold enough neighbours; 0 if there are
 /// too few points.
 fn filling_voxel_m(thinned: &Cloud) -> f64 {
     let tree = KdTree::new(&thinned.points);

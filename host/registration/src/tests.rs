@@ -70,7 +70,7 @@ struct Method {
     outdoor: Box<dyn Registration>,
     /// With the settings it suggests for two clouds.
     suggested: fn(&Cloud, &Cloud) -> Box<dyn Registration>,
-    /// Whether it searches the whole space, and so finds any turn, and needs no start.
+    /// True when it searches the whole space: it finds any turn and needs no start.
     global: bool,
 }
 
@@ -430,18 +430,18 @@ proptest! {
     }
 }
 
-/// Two clouds and the motion that lays the second on the first; how near a local method comes, m
-/// and degrees.
+/// Two clouds, the motion that lays the second on the first, and the largest error of a local
+/// method, m and degrees.
 struct RealPair {
     name: &'static str,
     clouds: [Cloud; 2],
     truth: Pose,
     most: (f64, f64),
-    /// Whether local methods come there from the identity.
+    /// True when local methods reach it from the identity.
     near: bool,
 }
 
-/// The real pairs below ECHOLOOP_DATA; none, said aloud, where that is unset.
+/// The real pairs below ECHOLOOP_DATA; none, with a message, where that is unset.
 fn real_pairs() -> Vec<RealPair> {
     let Some(data) = echoloop_needs::data_folder("registration of real pairs") else {
         return Vec::new();
@@ -526,7 +526,7 @@ fn real_pairs_come_within_the_tolerance_of_their_truth_from_the_identity() {
     }
 }
 
-/// What a global method may leave: half a voxel to two, and up to 2°.
+/// Errors of a global method: half a voxel to two, and up to 2°.
 #[test]
 fn a_rough_motion_is_refined_within_the_tolerance() {
     let rough = [

@@ -5,7 +5,7 @@ use echoloop_dsp::Settings;
 use super::fit::{FittedPulse, model, shape};
 use super::samples::{MeanSample, Phase, Samples};
 
-/// Candidates kept at most: as many as the firmware keeps.
+/// Most candidates that are kept: the firmware's number.
 pub(super) const MAX_PULSES: usize = 32;
 
 /// Search for candidates with the threshold, floor and separation of the settings.

@@ -4,7 +4,7 @@ use echoloop_dsp::choice::{AmbientEstimator, EchoChoice, TimingMethod};
 use echoloop_dsp::template::Template;
 use echoloop_dsp::{DetectorConfig, Hardware, Settings};
 
-use super::fine::Dithered;
+use super::dithered_edges::Dithered;
 use super::numbers::{floor_of, nearest, two_to};
 use super::pulse::Pulse;
 use super::ramp::Ramp;

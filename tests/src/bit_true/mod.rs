@@ -13,17 +13,17 @@
 //! | [`statistics`] | `statistics` |
 //! | [`filter`] | `baseline`, `filter`, the threshold of `detect` |
 //! | [`mod@peaks`] | `detect` |
-//! | [`refine`] | `refine`, `height`, `fine` |
+//! | [`refine`] | `refine`, `height`, `dithered_edges` |
 //! | [`split`] | `split` |
 //! | [`noise`], [`pulse`], [`edges`], `near`, `ramp`, [`echo`] | modules of the same names |
 //! | [`finder`] | the host's echo finder for recorded waveforms |
 
 mod config;
+mod dithered_edges;
 pub mod echo;
 pub mod edges;
 pub mod filter;
 pub mod finder;
-mod fine;
 mod height;
 mod near;
 pub mod noise;

@@ -81,16 +81,16 @@ impl Campaign {
     }
 
     /// Ends the process at a case that does not end; reports the progress of a long campaign.
-    fn watch(&self, progress: &Progress, cases: u64, aloud: bool) {
-        let mut told = Instant::now();
+    fn watch(&self, progress: &Progress, cases: u64, printing: bool) {
+        let mut reported = Instant::now();
         while !progress.over.load(Ordering::Relaxed) {
             thread::sleep(Duration::from_millis(20));
             if let Some(case) = progress.stuck() {
                 say(&format!("attack {}: case {case} has not ended after {LIMIT:?}", self.kind));
                 std::process::exit(101);
             }
-            if aloud && told.elapsed() >= NEWS {
-                told = Instant::now();
+            if printing && reported.elapsed() >= NEWS {
+                reported = Instant::now();
                 say(&format!("attack {}: {} of {cases}", self.kind, progress.done()));
             }
         }

@@ -63,14 +63,14 @@ fn its_range_spreads_as_the_bound_allows_and_its_sigma_says_so() {
     for (bins, snr) in [(397, 10.0), (397, 50.0), (794, 10.0), (1_588, 50.0)] {
         let bench = Bench::new(&at_rate(bins), WHITE);
         let mut rng = vectors::rng(7);
-        let mut told_mm = 0.0;
+        let mut sigma_mm = 0.0;
         let mut error = || {
             let at = 150.0 + rng.random::<f64>();
             let mut wave = noise(&mut rng, 400, 200.0, 16.0);
             add_echo(&mut wave, at, snr * 16.0, bench.width);
             let echoes = bench.see(&wave);
             assert_eq!(echoes.len(), 1, "{bins} bins, S {snr}: {echoes:?}");
-            told_mm = echoes[0].deviation_mm().to_num();
+            sigma_mm = echoes[0].deviation_mm().to_num();
             bench.error_mm(&echoes[0], at)
         };
         let errors: Vec<f64> = (0..4_000).map(|_| error()).collect();
@@ -78,7 +78,7 @@ fn its_range_spreads_as_the_bound_allows_and_its_sigma_says_so() {
         let ratio = spread / bench.bound_mm(snr);
         assert!(ratio > 0.96 && ratio < 1.05, "{bins} bins, S {snr}: {ratio} of the bound");
         assert!(mean.abs() < 4.0 * spread / 4_000f64.sqrt() + 0.01, "{bins}, {snr}: {mean} mm");
-        assert!((told_mm / spread - 1.0).abs() < 0.2, "it says {told_mm} mm of {spread} mm");
+        assert!((sigma_mm / spread - 1.0).abs() < 0.2, "it says {sigma_mm} mm of {spread} mm");
     }
 }
 

@@ -144,18 +144,18 @@ fn a_response_of_sixteen_echoes_or_more_is_better_than_none() {
     println!("| kind, rows | recall without, with | extra without, with | responses |");
     for (name, kind) in KINDS {
         for rows in SHORT {
-            let (mut without, mut with, mut told) = (Vec::new(), Vec::new(), 0);
+            let (mut without, mut with, mut found) = (Vec::new(), Vec::new(), 0);
             for seed in seeds.clone() {
                 let recording = Recording::of(kind, seed, rows);
                 let response = Response::of_waveforms(&recording.rows, 16).ok();
-                told += usize::from(response.is_some());
+                found += usize::from(response.is_some());
                 with.push(recording.ours(response));
                 without.push(recording.ours(None));
             }
             let (without, with) = (together(&without), together(&with));
             let percent = |score: &Score| 100.0 * score.recall();
             println!(
-                "| {name}, {rows} | {:.1} %, {:.1} % | {:.3}, {:.3} | {told} |",
+                "| {name}, {rows} | {:.1} %, {:.1} % | {:.3}, {:.3} | {found} |",
                 percent(&without),
                 percent(&with),
                 without.extras(),
@@ -169,7 +169,7 @@ fn a_response_of_sixteen_echoes_or_more_is_better_than_none() {
 
 #[test]
 fn the_estimated_response_has_the_width_and_bumps_of_the_instrument() {
-    let mut told = 0;
+    let mut bumps = 0;
     for seed in SEEDS.start..SEEDS.start + 12 {
         let instrument = Instrument::drawn(Kind::Airborne, seed);
         let recording = Recording::of(Kind::Airborne, seed, 150);
@@ -184,8 +184,8 @@ fn the_estimated_response_has_the_width_and_bumps_of_the_instrument() {
                 .min_by(|a, b| (a.0 - delay).abs().total_cmp(&(b.0 - delay).abs()));
             let found = nearest.expect("points").1;
             assert!((found - true_level).abs() < 0.03, "{seed}: {found} for {true_level}, {level}");
-            told += 1;
+            bumps += 1;
         }
     }
-    assert!(told >= 5, "{told} bumps");
+    assert!(bumps >= 5, "{bumps} bumps");
 }

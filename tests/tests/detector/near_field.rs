@@ -16,7 +16,7 @@ struct Seen {
     bias_mm: f64,
     spread_mm: f64,
     /// Root mean square of the echoes' σ.
-    told_mm: f64,
+    sigma_mm: f64,
     /// Mean reflectivity.
     reflectivity: f64,
     /// Number of clipped echoes.
@@ -54,7 +54,7 @@ fn summary(seen: &[(Echo, f64)]) -> Seen {
     Seen {
         bias_mm,
         spread_mm: mean(&|(_, error_mm)| (error_mm - bias_mm).powi(2)).sqrt(),
-        told_mm: mean(&|(echo, _)| echo.deviation_mm().to_num::<f64>().powi(2)).sqrt(),
+        sigma_mm: mean(&|(echo, _)| echo.deviation_mm().to_num::<f64>().powi(2)).sqrt(),
         reflectivity: mean(&|(echo, _)| echo.reflectivity_ratio().to_num()),
         clipped: seen.iter().filter(|(echo, _)| echo.flags.contains(Flags::SATURATED)).count(),
         of: seen.len(),
@@ -139,7 +139,7 @@ fn dithered_shots_with_a_rising_gain_keep_range_sigma_and_reflectivity() {
             assert!(
                 seen.of == 320
                     && seen.bias_mm.abs() < 1.0
-                    && seen.spread_mm < 0.5 + 1.5 * seen.told_mm
+                    && seen.spread_mm < 0.5 + 1.5 * seen.sigma_mm
                     && (albedo > 1.0 || (ratio - 1.0).abs() < 0.03),
                 "{shots} shots, {albedo} at {range_m} m: {seen:?}"
             );
@@ -165,7 +165,7 @@ fn sigma_and_reflectivity_are_those_of_the_wall_at_every_gain() {
     for albedo in [0.02, 0.1] {
         for range_m in [6.0, 10.0, 12.0, 20.0, 30.0, 39.7] {
             let seen = look(rising(1_000, 40_000), albedo, range_m);
-            let honest = seen.spread_mm / seen.told_mm;
+            let honest = seen.spread_mm / seen.sigma_mm;
             let ratio = seen.reflectivity / albedo;
             assert!(
                 50 * seen.clipped < seen.of

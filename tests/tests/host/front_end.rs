@@ -222,8 +222,8 @@ impl Sensor {
         self.app.board_mut().link.to_sensor.extend(bytes);
         self.app.poll().unwrap();
         let mut decoder = Decoder::new();
-        let said = std::mem::take(&mut self.app.board_mut().link.to_host);
-        said.iter().filter_map(|&b| decoder.push(b).map(|f| decode(f.unwrap()).unwrap())).collect()
+        let sent = std::mem::take(&mut self.app.board_mut().link.to_host);
+        sent.iter().filter_map(|&b| decoder.push(b).map(|f| decode(f.unwrap()).unwrap())).collect()
     }
 
     fn ask(&mut self, command: &Command<'_>) -> Report {

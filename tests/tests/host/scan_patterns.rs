@@ -155,12 +155,18 @@ fn a_table_s_scan_has_its_channels_times_and_directions() {
     let scene = tube(40);
     let view = View { scene: &scene, noise_seed: 3, scan: 1, viewpoint: 1 };
     let scan = sensor.scan(&view).expect("a scan");
-    let told = recorded_from_scan(&scan, &beams, 1, 0.1);
-    assert_eq!(told.cloud.points.len(), 40);
+    let recorded = recorded_from_scan(&scan, &beams, 1, 0.1);
+    assert_eq!(recorded.cloud.points.len(), 40);
     let column = |name: &str| -> Vec<f64> {
-        told.columns.iter().find(|column| column.name == name).expect("there").values().collect()
+        recorded
+            .columns
+            .iter()
+            .find(|column| column.name == name)
+            .expect("there")
+            .values()
+            .collect()
     };
-    for (i, point) in told.cloud.points.iter().enumerate() {
+    for (i, point) in recorded.cloud.points.iter().enumerate() {
         let azimuth = point.y.atan2(point.x).to_degrees();
         let expected = (9 * i) as f32 - 180.0;
         let off = (azimuth - expected + 540.0).rem_euclid(360.0) - 180.0;

@@ -69,7 +69,7 @@ impl SpiDevice for Chip {
 #[derive(Default)]
 struct Line {
     heard: std::collections::VecDeque<u8>,
-    said: Vec<u8>,
+    sent: Vec<u8>,
 }
 
 impl embedded_io::ErrorType for Line {
@@ -92,7 +92,7 @@ impl embedded_io::ReadReady for Line {
 
 impl embedded_io::Write for Line {
     fn write(&mut self, bytes: &[u8]) -> Result<usize, Self::Error> {
-        self.said.extend(bytes);
+        self.sent.extend(bytes);
         Ok(bytes.len())
     }
 
@@ -169,8 +169,8 @@ fn ask(app: &mut App<Noting>, number: u16, command: &Command<'_>) -> Report {
     app.board_mut().line.heard.extend(frame);
     app.poll().unwrap();
     let mut decoder = Decoder::new();
-    let said = std::mem::take(&mut app.board_mut().line.said);
-    let mut answers = said.iter().filter_map(|&byte| {
+    let sent = std::mem::take(&mut app.board_mut().line.sent);
+    let mut answers = sent.iter().filter_map(|&byte| {
         decoder.push(byte).map(|frame| decode::<Report>(frame.unwrap()).unwrap().1)
     });
     answers.next().unwrap()
@@ -245,9 +245,9 @@ fn times_after(questions: &[Command<'_>]) -> Times {
     for (number, question) in (1..).zip(questions) {
         now.fetch_add(1_000_000, Relaxed);
         sensor.send(encode(number, question, &mut [0; MAX_FRAME]).unwrap());
-        let mut said = vec![0; 8192];
-        let length = sensor.receive(&mut said);
-        last = Some(decode::<Report>(&mut said[1..length - 1]).unwrap().1);
+        let mut sent = vec![0; 8192];
+        let length = sensor.receive(&mut sent);
+        last = Some(decode::<Report>(&mut sent[1..length - 1]).unwrap().1);
     }
     let Some(Report::Times(times)) = last else { panic!("{last:?}") };
     times

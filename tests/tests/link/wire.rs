@@ -827,7 +827,7 @@ proptest! {
 struct Foreign {
     body: Vec<u8>,
     heard: Decoder,
-    said: Vec<u8>,
+    sent: Vec<u8>,
 }
 
 impl Transport for Foreign {
@@ -840,16 +840,16 @@ impl Transport for Foreign {
                 let whole = [payload, checksum.to_le_bytes().to_vec()].concat();
                 let mut inner = vec![0; whole.len() + 2];
                 let length = cobs::encode(&whole, &mut inner);
-                self.said = [&[0], &inner[..length], &[0]].concat();
+                self.sent = [&[0], &inner[..length], &[0]].concat();
             }
         }
         Ok(())
     }
 
     fn receive(&mut self, buffer: &mut [u8], _timeout: Duration) -> io::Result<usize> {
-        let said = std::mem::take(&mut self.said);
-        buffer[..said.len()].copy_from_slice(&said);
-        Ok(said.len())
+        let sent = std::mem::take(&mut self.sent);
+        buffer[..sent.len()].copy_from_slice(&sent);
+        Ok(sent.len())
     }
 }
 
@@ -861,7 +861,7 @@ fn a_sensor_of_another_version_is_refused_with_both_versions() {
     let longer = [&same[..], &[7; 5]].concat();
     let shorter = same[..1 + 14].to_vec();
     for body in [same, longer, shorter] {
-        let sensor = Foreign { body: body.clone(), heard: Decoder::new(), said: Vec::new() };
+        let sensor = Foreign { body: body.clone(), heard: Decoder::new(), sent: Vec::new() };
         let retry_policy = RetryPolicy { timeout: Duration::from_millis(10), tries: 2 };
         let error = Client::connect(sensor, retry_policy).err().unwrap();
         assert!(

@@ -59,7 +59,7 @@ pub enum PoseError {
     Document {
         /// The file.
         path: PathBuf,
-        /// What was found instead.
+        /// Content found instead.
         found: String,
     },
     /// The matrix is not a rigid motion.

@@ -39,7 +39,7 @@ pub enum TrajectoryError {
         path: PathBuf,
         /// Its line, from 1.
         line: usize,
-        /// What was found, and what was expected.
+        /// Found and expected content.
         reason: String,
     },
     /// The file holds no pose.

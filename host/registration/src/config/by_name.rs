@@ -43,7 +43,7 @@ macro_rules! declare {
                 }
             }
 
-            /// The field of the setting with that name of today.
+            /// The field of the setting with that current name.
             fn field(&mut self, key: &str) -> Option<&mut dyn SettingField> {
                 match self {
                     $(Self::$method(config) => config.slot(key),)+
@@ -77,7 +77,7 @@ impl MethodConfig {
         config
     }
 
-    /// The value of a setting by its name or its former name. None when the method has no such
+    /// The value of a setting by its name or its former name. `None` when the method has no such
     /// setting, or it is left out.
     pub fn get(&self, key: &str) -> Option<f64> {
         let mut copy = *self;
@@ -98,7 +98,7 @@ impl MethodConfig {
         self.slot(key).map(|slot| slot.clear()).is_some()
     }
 
-    /// The way of FGR; None for other methods.
+    /// Mode of FGR; `None` for other methods.
     pub fn mode(&self) -> Option<FgrMode> {
         match self {
             Self::Fgr(config) => Some(config.mode),
@@ -115,7 +115,8 @@ impl MethodConfig {
         true
     }
 
-    /// Raises each setting that is below the one that bounds it to that one; returns their names.
+    /// Raises each setting that is below its bound by another setting to that setting's value;
+    /// returns their names.
     pub fn repair(&mut self) -> Vec<&'static str> {
         let mut repaired = Vec::new();
         for (setting, of) in self.method().settings() {
@@ -170,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_former_name_reads_and_sets_what_it_named() {
+    fn a_former_name_reads_and_sets_its_setting() {
         for mut config in all() {
             for (i, setting) in SETTINGS.iter().enumerate() {
                 let Some(former) = setting.former else { continue };
@@ -183,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_of_one_setting_each_former_ones_too() {
+    fn no_two_settings_share_a_name_or_former_name() {
         let names: Vec<&str> = SETTINGS
             .iter()
             .flat_map(|setting| [setting.key].into_iter().chain(setting.former))
@@ -221,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_below_its_bound_is_raised_and_named() {
+    fn a_setting_below_its_bound_is_raised_and_named() {
         let mut fgr = MethodConfig::outdoor(Method::Fgr);
         assert_eq!(fgr.repair(), Vec::<&str>::new());
         fgr.set("feature_radius_m", 1.0);

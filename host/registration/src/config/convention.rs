@@ -7,7 +7,7 @@ pub enum Convention {
     /// no feature.
     #[default]
     Sensor,
-    /// As Open3D 0.20 has it: the grid starts half a voxel below the least point, normals have the
+    /// As in Open3D 0.20: the grid starts half a voxel below the least point, normals have the
     /// sign that its eigenvector solver leaves, and a point with fewer than 3 neighbours has the
     /// normal (0, 0, 1).
     Open3d,

@@ -4,7 +4,8 @@ use super::table::{GicpConfig, IcpConfig, SETTINGS};
 
 impl IcpConfig {
     /// Refinement of a global method's motion. The first pairs are at most four voxels apart, which
-    /// covers its error of about one voxel, and of its rotation at the rim; the last pairs two.
+    /// covers the motion's error of about one voxel and that of its rotation far from the sensor;
+    /// the last pairs two.
     pub fn refinement(voxel_m: f64) -> Self {
         Self {
             voxel_m,
@@ -78,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_generalised_icp_leaves_out_stays_out() {
+    fn settings_that_generalised_icp_leaves_out_stay_out() {
         let gicp = GicpConfig {
             first_pair_distance_m: None,
             kernel_width: None,

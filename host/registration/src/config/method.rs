@@ -22,7 +22,7 @@ macro_rules! with_methods {
             Mac MacConfig "mac" Features
                 "Maximal cliques of compatible FPFH matches: needs no initial guess";
             Auto AutoConfig "auto" Everywhere
-                "Candidates of several scales, judged on the points of both clouds, then GICP";
+                "Candidates of several scales, scored on the points of both clouds, then GICP";
         }
     };
 }

@@ -1,11 +1,11 @@
-//! The two ways of fast global registration.
+//! The two modes of fast global registration.
 
 use serde::{Deserialize, Serialize};
 
 use super::choice::choice;
 
 choice! {
-    /// The way in which fast global registration runs.
+    /// Mode of fast global registration.
     FgrMode {
         #[default]
         Annealed "annealed"

@@ -67,7 +67,7 @@ pub struct Search {
     pub paper: Option<(Range, f64)>,
 }
 
-/// A range of values, both ends included.
+/// A range of values in the setting's unit, both ends included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     /// Least value.

@@ -22,28 +22,28 @@ macro_rules! count {
     };
 }
 
-/// Above zero, and so short that single precision resolves a decimetre.
+/// Length above zero, up to the one at which `f32` still resolves a decimetre.
 const LENGTH: Bound = Bound::new("a length above 0 m, at most 1e6 m", |v| v > 0.0 && v <= 1e6);
 
-/// A run ends below it; 0 turns the test off.
+/// Tolerance below which a run ends; 0 turns the test off.
 const TOLERANCE: Bound = Bound::new("0 or more", |v| v >= 0.0 && v.is_finite());
 
-/// Neighbours of a normal. Some tens are usual; more make no better normal, and cost time.
+/// Number of neighbours of a normal. Some tens are usual; more only cost time.
 const NEIGHBOURS: Bound = count!(3 to 1000);
 
-/// Neighbours of features have a lower bound because those of all points are kept at once: 500 for
-/// each of 100,000 points take 0.4 GB.
+/// Number of neighbours in features: at most 500, because those of all points are kept at once,
+/// 0.4 GB for 100,000 points.
 const FEATURE_NEIGHBOURS: Bound = count!(3 to 500);
 
-/// φ_v from 5 cm to 1 m; Sec. 3.3 has 1 to 10 cm, and Open3D's example 5 cm. A test holds this and
-/// the other starts of the paper's ranges to the `open3d` of the configurations.
+/// φ_v from 5 cm to 1 m; 1 to 10 cm in Sec. 3.3, 5 cm in Open3D's example. A test compares this and
+/// the other starts of the paper's ranges with the `open3d` of the configurations.
 const VOXEL: Use = searched("φ_v", log(0.05, 1.0), linear(0.01, 0.1), 0.05);
 
-/// Six directions share the information: two walls and a floor give each a third.
+/// Share of the information: two walls and a floor give each direction a third.
 const BELOW_A_THIRD: Bound =
     Bound::new("0 or more, below 1/3", |share| (0.0..1.0 / 3.0).contains(&share));
 
-/// One step or more.
+/// Number of steps, one or more.
 const SOME: Bound = Bound::new("1 or more", |n| n >= 1.0);
 
 /// φ_rad2 is not below φ_rad1 (Sec. 3.3).
@@ -54,8 +54,8 @@ const FEATURE_RADIUS: Bound =
 const FIRST_DISTANCE: Bound =
     Bound::new(FIRST_WORDS, |v| v <= 1e6).not_below("max_pair_distance_m", FIRST_WORDS);
 
-/// From a distance within which points are neighbours to the one with which [`crate::suggest()`]
-/// begins in a cloud of 40 m.
+/// 0.5 m, about the distance of neighbours, to 10 m, with which [`crate::suggest()`] begins in a
+/// cloud of 40 m radius.
 const FALLING_DISTANCE: Use = ours(log(0.5, 10.0));
 
 /// Normals have no sign here, so two of them are at most π/2 apart.
@@ -70,17 +70,17 @@ const FIRST_WORDS: &str = "max_pair_distance_m or more, at most 1e6 m";
 /// φ_rad1: two voxels in Open3D's example.
 const NORMAL_RADIUS: Use = searched("φ_rad1", log(0.1, 3.0), linear(0.01, 0.1), 0.1);
 
-/// φ_rad1 of a local method, whose neighbourhoods are bounded by the number of neighbours first.
+/// φ_rad1 of a local method, where φ_knn bounds most neighbourhoods before the radius does.
 const LOCAL_NORMAL_RADIUS: Use = searched("φ_rad1", log(0.1, 8.0), linear(0.01, 0.1), 0.1);
 
 /// φ_knn of a local method.
 const NEIGHBOUR_COUNT: Use = searched("φ_knn", whole(10.0, 100.0), whole(10.0, 100.0), 30.0);
 
-/// φ_d of a local method. Open3D has no default for ICP, so the paper's range starts in its
-/// middle.
+/// φ_d of a local method. Open3D has no default for ICP, so the search starts in the middle of the
+/// paper's range.
 const LOCAL_DISTANCE: Use = searched("φ_d", log(0.05, 3.0), linear(0.1, 2.0), 1.0);
 
-/// φ_d of a global method: half a voxel in Open3D's example, so the range starts at its least.
+/// φ_d of a global method: half a voxel in Open3D's example, so the search starts at the minimum.
 const GLOBAL_DISTANCE: Use = searched("φ_d", log(0.05, 3.0), linear(0.1, 2.0), 0.1);
 
 /// The setting of that name or former name.
@@ -88,8 +88,8 @@ pub fn setting(name: &str) -> Option<&'static Setting> {
     SETTINGS.iter().find(|setting| setting.key == name || setting.former == Some(name))
 }
 
-/// A configuration: fields that are no settings, of which `in` keeps settings of its own, then a
-/// field for each setting; the defaults of all; and where each setting is kept by name.
+/// Declares a configuration: its own fields, then a field for each setting, with all defaults, and
+/// the look-up of settings by name. The field after `in` is a part that has settings too.
 macro_rules! configuration {
     (
         $(#[$about:meta])*
@@ -145,9 +145,8 @@ macro_rules! configuration {
     };
 }
 
-/// A row: name, type, unit, bound, and its name in earlier versions; one line of help; what else is
-/// to be said of the field; in braces the configurations that have it, each with its default and
-/// how it is used there.
+/// A row: name, type, unit, bound, and former name; one line of help; further documentation of the
+/// field; in braces the configurations that have it, each with its default and its use there.
 macro_rules! settings {
     ($(
         $key:ident: $type:ty, $unit:literal, $bound:expr $(, formerly $former:literal)?,
@@ -193,7 +192,7 @@ macro_rules! settings {
         configuration! {
             /// Settings of [`crate::Gicp`]. Lengths in metres, angles in radians.
             ///
-            /// The defaults are those of [`IcpConfig`], without a test of what a step changes.
+            /// The defaults are those of [`IcpConfig`]; fitness and RMSE do not end a run.
             GicpConfig(Owner::Method(Method::Gicp)) []
             [$($({ $key: $type = $gicp, $help, $more })?)+]
         }
@@ -202,7 +201,7 @@ macro_rules! settings {
             /// Settings of FPFH features: the first half of Θ_reg (Sec. 3.3). Lengths in metres.
             FeatureConfig(Owner::Features)
             [
-                /// Where the voxel grid starts, and which way normals face.
+                /// Origin of the voxel grid and direction of the normals.
                 convention: Convention = Convention::Sensor
             ]
             [$($({ $key: $type = $features, $help, $more })?)+]
@@ -212,12 +211,12 @@ macro_rules! settings {
             /// Settings of [`crate::Fgr`]. Lengths in metres.
             FgrConfig(Owner::Method(Method::Fgr)) in features
             [
-                /// How points are thinned and described.
+                /// Settings for thinning and describing the points.
                 features: FeatureConfig = FeatureConfig::outdoor(),
                 /// The method as published, or as Open3D runs it.
                 mode: FgrMode = FgrMode::Annealed,
-                /// Seed of the tuple test's draws: of triples in Open3D's mode, of the matches that
-                /// all are compared with in ours.
+                /// Seed of the tuple test's draws: `open3d` draws triples, `annealed` the matches
+                /// with which all are compared.
                 seed: u64 = 0
             ]
             [$($({ $key: $type = $fgr, $help, $more })?)+]
@@ -227,7 +226,7 @@ macro_rules! settings {
             /// Settings of [`crate::Mac`]. Lengths in metres.
             MacConfig(Owner::Method(Method::Mac)) in features
             [
-                /// How points are thinned and described.
+                /// Settings for thinning and describing the points.
                 features: FeatureConfig = FeatureConfig::outdoor()
             ]
             [$($({ $key: $type = $mac, $help, $more })?)+]
@@ -252,7 +251,7 @@ settings! {
         auto 0.8, ours(log(0.2, 2.0));
     }
     normal_radius_m: f64, "m", LENGTH,
-        "Radius of the normals' neighbourhood, m.",
+        "Radius of the neighbourhood of a normal, m.",
         "" =>
     {
         icp 3.0, LOCAL_NORMAL_RADIUS;
@@ -260,7 +259,7 @@ settings! {
         features 1.5, NORMAL_RADIUS;
     }
     normal_neighbours: usize, "", NEIGHBOURS,
-        "Neighbours of a normal at most.",
+        "Largest number of neighbours of a normal.",
         "" =>
     {
         icp 20, NEIGHBOUR_COUNT;
@@ -268,21 +267,21 @@ settings! {
         features 30, PLAIN.bounded(FEATURE_NEIGHBOURS);
     }
     feature_radius_m: f64, "m", FEATURE_RADIUS,
-        "Radius of the features' neighbourhood, m.",
+        "Radius of the neighbourhood of a feature, m.",
         "" =>
     {
         features 3.5, searched("φ_rad2", log(0.1, 8.0), linear(0.01, 1.0), 0.25);
     }
     feature_neighbours: usize, "", FEATURE_NEIGHBOURS,
-        "Neighbours of a feature at most.",
+        "Largest number of neighbours of a feature.",
         "" =>
     {
         features 100, searched("φ_knn", whole(10.0, 100.0), whole(10.0, 100.0), 100.0);
     }
     max_pair_distance_m: f64, "m", LENGTH,
-        "Points farther apart are no pair, m.",
-        "Of a global method, matches this near each other in the end agree with the motion: δ \
-         of FGR; of MAC the inlier threshold, and the τ of all scores." =>
+        "Largest distance between the points of a pair, m.",
+        "Of a global method, the distance within which a match agrees with the motion in the end: \
+         δ of FGR; the inlier threshold of MAC and the τ of its scores." =>
     {
         icp 0.5, LOCAL_DISTANCE;
         gicp 0.5, LOCAL_DISTANCE;
@@ -290,7 +289,7 @@ settings! {
         mac 1.0, GLOBAL_DISTANCE;
     }
     first_pair_distance_m: Option<f64>, "m", FIRST_DISTANCE,
-        "Pairs may be this far apart at first, then less and less, m.",
+        "Largest distance of the first pairs, m; it then shrinks to that of the last.",
         "Coarse to fine: the distance shrinks by 0.7 an iteration to `max_pair_distance_m`. \
          Absent: plain ICP, as in the paper and in Open3D." =>
     {
@@ -298,7 +297,7 @@ settings! {
         gicp Some(5.0), FALLING_DISTANCE;
     }
     kernel_width: Option<f64>, "", WIDTH,
-        "A pair so many standard deviations from its plane weighs a quarter of one on it.",
+        "Residual at which a pair weighs a quarter, in standard deviations of all residuals.",
         "Geman and McClure's weights, once pairs are `max_pair_distance_m` apart at most; the \
          standard deviation is that of the run's own residuals. Absent: least squares, as in the \
          paper and in Open3D." =>
@@ -307,24 +306,24 @@ settings! {
         gicp Some(2.0), ours(log(1.0, 10.0));
     }
     max_normal_angle_rad: Option<f64>, "rad", NORMAL_ANGLE,
-        "Points whose normals differ by more are no pair, rad.",
-        "The sides of a wall, a trunk and the ground below it. ICP then takes the distance of a \
-         pair along the mean of both normals (Rusinkiewicz, \"A symmetric objective function for \
-         ICP\", 2019, without his half turns). Absent: the target's normals alone, as in the paper \
-         and in Open3D; in generalised ICP, every pair." =>
+        "Largest angle between the normals of a pair, rad.",
+        "It separates the two sides of a wall, and a trunk from the ground. ICP then takes the \
+         distance of a pair along the mean of both normals (Rusinkiewicz, \"A symmetric objective \
+         function for ICP\", 2019, without his half turns). Absent: the target's normals alone, as \
+         in the paper and in Open3D; in generalised ICP, every pair." =>
     {
         icp Some(0.8), ours(linear(0.1, 1.5));
         gicp Some(0.8), ours(linear(0.1, 1.5));
     }
     length_tolerance_m: f64, "m", LENGTH, formerly "max_stretch_m",
-        "Matches are compatible when their distances differ by less than this, m.",
+        "Largest difference of two compatible matches' distances in source and target, m.",
         "The published code asks on KITTI that `1 - (d / τ)²` be above 0.9: a third of τ." =>
     {
         mac 0.316, searched("", log(0.02, 1.0), linear(0.01, 0.2), 0.03);
     }
     max_iterations: usize, "", SOME,
-        "Iterations at most.",
-        "Of MAC, steps of the final refinement: 0 leaves the motion of the best clique." =>
+        "Largest number of iterations.",
+        "In MAC, steps of the final refinement: 0 leaves the motion of the best clique." =>
     {
         icp 50, searched("φ_icp", whole(8.0, 128.0), whole(8.0, 128.0), 30.0);
         gicp 50, searched("φ_icp", whole(8.0, 128.0), whole(8.0, 128.0), 30.0);
@@ -333,36 +332,35 @@ settings! {
         mac 20, PLAIN.bounded(Bound::new("at most 100000", |n| n <= 1e5));
     }
     translation_tolerance_m: f64, "m", TOLERANCE, formerly "still_m",
-        "A step shorter than this, m, ends the run if its turn is within its tolerance, too.",
+        "Length of a step, m, below which the run ends if its turn is within its tolerance too.",
         "" =>
     {
         icp 5e-4, PLAIN;
         gicp 5e-4, PLAIN;
     }
     rotation_tolerance_rad: f64, "rad", TOLERANCE, formerly "still_rad",
-        "A step that turns less than this, rad, ends the run if its length is within its \
-         tolerance, too.",
+        "Turn of a step, rad, below which the run ends if its length is within its tolerance too.",
         "" =>
     {
         icp 1e-4, PLAIN;
         gicp 1e-4, PLAIN;
     }
     fitness_tolerance: f64, "", TOLERANCE, formerly "still_fraction",
-        "A change of the share of paired points below this ends the run if that of their RMSE is \
-         within its tolerance, too.",
+        "Change of the share of paired points below which the run ends if that of their RMSE is \
+         within its tolerance too.",
         "" =>
     {
         icp 1e-6, PLAIN;
     }
     rmse_tolerance_m: f64, "m", TOLERANCE, formerly "still_rmse_m",
-        "A change of the pairs' RMSE below this, m, ends the run if that of their share is within \
-         its tolerance, too.",
+        "Change of the pairs' RMSE, m, below which the run ends if that of their share is within \
+         its tolerance too.",
         "" =>
     {
         icp 1e-6, PLAIN;
     }
     degeneracy_threshold: f64, "", BELOW_A_THIRD, formerly "least_information",
-        "A direction with less than this share of the information counts as unobservable.",
+        "Share of the information below which a direction counts as unobservable.",
         "See [`crate::Observability`]. Real streets have 0.04 to 0.12; a walled yard seen by 540 \
          points has 2e-3, and is still registered to 2 cm." =>
     {
@@ -370,37 +368,37 @@ settings! {
         gicp 1e-3, PLAIN;
     }
     max_candidates: usize, "", count!(1 to 1000),
-        "Motions of each scale that are judged on the points of both clouds at most.",
+        "Largest number of motions of each scale that are scored on the points of both clouds.",
         "" =>
     {
         auto 10, PLAIN;
     }
     max_refined: usize, "", count!(1 to 1000),
-        "The best of the judged motions, so many at most, are refined with ICP.",
+        "Largest number of the best scored motions that are refined with ICP.",
         "" =>
     {
         auto 8, PLAIN;
     }
     max_tuples: usize, "", count!(1 to 1000000),
-        "Triples of matches that the tuple test keeps at most.",
-        "So three times as many matches. (Ours keeps 1024 matches at most.)" =>
+        "Largest number of triples of matches that the tuple test keeps.",
+        "Three times as many matches pass. (`annealed` keeps 1024 matches at most.)" =>
     {
         fgr 1000, PLAIN;
     }
     max_matches: usize, "", count!(3 to 20000),
-        "More matches than this are thinned.",
+        "Largest number of matches; more are thinned.",
         "The graph takes `n²/8` bytes and `n²/2` tests." =>
     {
         mac 10_000, PLAIN;
     }
     least_clique: usize, "", count!(3 to 20000),
-        "Cliques of fewer matches propose no motion.",
+        "Smallest number of matches of a clique that proposes a motion.",
         "" =>
     {
         mac 3, PLAIN;
     }
     max_cliques: usize, "", count!(1 to 100000000),
-        "The search for cliques ends at so many.",
+        "Number of cliques at which the search for them ends.",
         "" =>
     {
         mac 1_000_000, PLAIN;

@@ -15,7 +15,7 @@ const CHUNK: usize = 128;
 /// coordinates' own rounding, thirty for the arithmetic, and room.
 const ROUNDING_UNITS: f32 = 64.0;
 
-/// Squares of squares of coordinates beyond it come near the end of `f32`, m.
+/// Largest coordinate, m: the fourth powers of larger ones come near the end of `f32`.
 const WIDEST_M: f32 = 1e9;
 
 /// A target that no motion reaches: its square is infinite, so that padding scores nothing.
@@ -161,7 +161,7 @@ dispatch! {
     /// Count of `others` that are consistent with a match.
     fn count(row: &[f32; 6], others: &Columns, bounds: &SquaredBounds) -> u32 = count_inline;
 
-    /// From word `first` on, which of `others` a match is consistent with.
+    /// Sets the bits of the `others` that a match is consistent with, from word `first` on.
     fn mark(
         row: &[f32; 6],
         others: &Columns,

@@ -14,10 +14,10 @@ use crate::features::PointPair;
 /// 2.5 m at 50 m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LengthBounds {
-    /// Most difference of the lengths, m.
+    /// Largest difference of the lengths, m.
     pub(crate) tolerance_m: f64,
-    /// Shorter edges are never consistent, m: neighbours on any two surfaces are as far apart, so
-    /// that says nothing. 0 leaves out none, not even the edge of two matches at one place.
+    /// Least length of a consistent pair, m: shorter ones occur on any two surfaces. 0: no limit,
+    /// not even for two matches at one place.
     pub(crate) least_length_m: f64,
 }
 
@@ -50,7 +50,7 @@ fn lengths_m(i: &PointPair, j: &PointPair) -> [f64; 2] {
     [(i.source - j.source).norm(), (i.target - j.target).norm()]
 }
 
-/// [`LengthBounds`] in squares, so that no root is drawn.
+/// [`LengthBounds`] in squares, so that no root is taken.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SquaredBounds {
     difference: f32,

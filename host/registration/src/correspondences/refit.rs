@@ -6,13 +6,14 @@ use super::residuals::Residuals;
 use crate::features::PointPair;
 use crate::rigid::rigid;
 
-/// The rule by which a refit ends before its most fits.
+/// The rule by which a refit ends before [`Refit::max_fits`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Until {
-    /// At the first fit that scores no better: for a score that changes with every residual.
+    /// It ends at the first fit that scores no better: for a score that changes with every
+    /// residual.
     NoBetter,
-    /// At the first fit that is the best one once more: a count of matches stands still, or falls,
-    /// between two fits that raise it.
+    /// It ends at the first fit that repeats the best one: for a count of matches, which may stay
+    /// or fall between two fits that raise it.
     NoChange,
 }
 
@@ -30,7 +31,7 @@ pub(crate) enum Until {
 pub(crate) struct Refit {
     /// Distance beyond which a match does not count, m.
     pub(crate) width_m: f64,
-    /// Fits at most.
+    /// Largest number of fits.
     pub(crate) max_fits: usize,
     pub(crate) until: Until,
 }
@@ -45,7 +46,7 @@ pub(crate) struct Refitted<S> {
 }
 
 impl Refit {
-    /// Goes on from `start` while matches determine a motion; a higher `score` is better.
+    /// Fits from `start` on while matches determine a motion; a higher `score` is better.
     pub(crate) fn run<S: PartialOrd>(
         &self,
         pairs: &[PointPair],

@@ -6,6 +6,6 @@ pub const DIMENSIONS: usize = 33;
 /// A feature per point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Features {
-    /// `[n][33]`. All zero for a point without a feature, which matches nothing.
+    /// Histograms, `[n][33]`; all zero for a point without a feature, which matches nothing.
     pub rows: Vec<[f32; DIMENSIONS]>,
 }

@@ -65,6 +65,8 @@ pub struct Fgr {
 }
 
 impl Fgr {
+    /// Method with these settings.
+    ///
     /// # Errors
     ///
     /// [`ConfigError`] names the field that cannot run.
@@ -90,7 +92,7 @@ impl Fgr {
         self.outcome(&sound, pairs.len(), frame, &Pose::identity())
     }
 
-    /// From finite matches, of `matches` in all. The frame is asked for in Open3D's mode alone.
+    /// The outcome for the finite `pairs` of `matches` matches. Only mode `open3d` calls `frame`.
     fn outcome(
         &self,
         pairs: &[PointPair],
@@ -127,8 +129,8 @@ impl Fgr {
         Ok(Solution { target_from_source, inliers, stop, iterations: run.iterations })
     }
 
-    /// Open3D asks neither whether the motion converged nor whether anything agrees with it: what
-    /// it found is what it returns. We return it, too, and say both.
+    /// Open3D returns its motion whether or not it converged and matches agree with it. So does
+    /// this, with the reason that both tests give.
     fn open3d(&self, pairs: &[PointPair], frame: &Frame) -> Result<Solution, StopReason> {
         let passed = open3d::tuple_test(pairs, self.config.max_tuples, self.config.seed);
         if passed.len() < open3d::LEAST_MATCHES {
@@ -154,8 +156,8 @@ impl Fgr {
 
 /// The last fit to all matches, not only to those that passed the tuple test.
 ///
-/// They are means of voxels, so right ones may lie a little beyond δ and still say something: the
-/// weights reach twice as far. The most inliers win; of as many, the nearer ones.
+/// Points are means of voxels, so right matches may lie a little beyond δ: the weights reach twice
+/// as far. The most inliers win; on a tie, the nearer ones.
 fn refit(pairs: &[PointPair], start: &Pose, delta_m: f64) -> (Pose, Inliers) {
     let refit = Refit { width_m: 2.0 * delta_m, max_fits: MAX_FITS, until: Until::NoChange };
     let best = refit.run(pairs, start, |pose| {
@@ -217,8 +219,8 @@ fn sound(pairs: &[PointPair]) -> Vec<PointPair> {
 /// The widest pair distance, in voxels, that [`least_inliers`] was fitted to.
 const FITTED_REACH: f64 = 1.0 / 0.3;
 
-/// Matches that must agree for a motion to be trusted, of `n`, with a pair distance of `reach`
-/// voxels.
+/// Least number of `n` matches that must agree with a trusted motion, with a pair distance of
+/// `reach` voxels.
 ///
 /// ```text
 /// (15 + 0.2 √n) max(0.75, 1.2 reach - 0.2), but never more than n / 2
@@ -226,8 +228,8 @@ const FITTED_REACH: f64 = 1.0 / 0.3;
 ///
 /// Fitted to what chance gives, on simulated scans: 70 pairs of unrelated ones (440 to 6100
 /// matches, a voxel of 0.3 m), 44 of sparse ones (80 to 300 matches, voxels of 0.6 to 1.3 m), and
-/// as many right motions. Of the 44, 2 are still accepted, and 9 were before the sparse ones were
-/// looked at: a motion that few matches speak for wants a second opinion.
+/// as many right motions. Of the 44, 2 are accepted: check a motion with few agreeing matches by
+/// other means.
 fn least_inliers(n: usize, reach: f64) -> f64 {
     let by_chance =
         (15.0 + 0.2 * (n as f64).sqrt()) * (1.2 * reach.min(FITTED_REACH) - 0.2).max(0.75);

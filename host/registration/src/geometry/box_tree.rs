@@ -7,7 +7,7 @@ use nalgebra::Point3;
 pub(super) use self::kernel::WIDE;
 pub(crate) use self::kernel::{LaneKernel, Portable};
 
-/// Enough for 2³² points: 8 · 8¹⁰ is more.
+/// Most levels, the leaves included: 8¹¹ points are more than 2³².
 const MOST_LEVELS: usize = 11;
 
 /// Halves longer than this are arranged on two threads.
@@ -66,7 +66,7 @@ pub(crate) fn ordered<T: Copy>(values: &[T], order: &[u32]) -> Vec<T> {
 /// Coordinates of a point, and its index in the input.
 type Place = ([f32; 3], u32);
 
-/// Brings the points of each node together: all nodes but the last hold `capacity` points.
+/// Orders points so that those of each node are adjacent: all nodes but the last hold `capacity`.
 fn arrange(places: &mut [Place], mut capacity: usize) {
     if places.len() <= WIDE {
         return;
@@ -122,9 +122,9 @@ impl BoxTree {
         &self.points
     }
 
-    /// Finds the nearest point strictly within `radius_m`. No other is nearer than the bound it
-    /// comes with, which is the second's distance, but no more than `radius_m` and no more than the
-    /// nearest's and `slack_m`: the search goes no farther.
+    /// Finds the nearest point strictly within `radius_m`, and a bound that no other point is
+    /// nearer than: the least of the second's distance, `radius_m`, and the nearest's distance plus
+    /// `slack_m`. The search goes no farther.
     ///
     /// Distances are those of `f32`, `dx² + dy² + dz²` from the left: the same as a full scan's,
     /// bit for bit, since rounding keeps the order of a box's side and the points behind it.
@@ -141,7 +141,7 @@ impl BoxTree {
         best.found()
     }
 
-    /// Walks to the leaves within the limit of `found`, the nearest first, and shows it their
+    /// Visits the leaves within the limit of `found`, the nearest first, and passes it their
     /// points.
     #[inline(always)]
     pub(super) fn search(
@@ -222,7 +222,7 @@ impl BoxTree {
     }
 }
 
-/// The points nearest to a query so far, as a search shows them leaf by leaf.
+/// Collector of the points nearest to a query: a search passes it one leaf after the other.
 pub(super) trait Nearer {
     /// Points beyond this squared distance, m², are not needed any more.
     fn limit(&self) -> f32;

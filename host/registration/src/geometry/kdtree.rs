@@ -7,7 +7,7 @@ use super::box_tree::{BoxTree, LaneKernel, Nearer, Portable, WIDE, order, ordere
 
 /// A k-d tree over points that do not change. The index of a point is its place in the input.
 ///
-/// Of points equally far from a query, the one with the lower index counts as nearer.
+/// On a tie, the point with the lower index counts as nearer.
 #[derive(Clone, Debug)]
 pub struct KdTree {
     tree: BoxTree,

@@ -22,8 +22,8 @@ const ROOM: f32 = 1.15;
 /// equally near ones those of lower index; a leaf of the tree at a time.
 ///
 /// The eight points of a leaf have much the same neighbours: the tree is walked once for all of
-/// them, as far as the leaf before needed, and farther for those that found too few. What is found
-/// does not depend on how far that was, nor does its order, the tree's.
+/// them, to the reach that the leaf before needed, and farther for those that found too few.
+/// Neither the neighbours nor their order, the tree's, depend on that reach.
 pub(super) struct Nearest<'a> {
     tree: &'a BoxTree,
     radius_m: f32,
@@ -40,7 +40,7 @@ impl<'a> Nearest<'a> {
     pub(super) fn new(tree: &'a BoxTree, radius_m: f64, max: usize) -> Self {
         let (leaves, spare) = (Vec::new(), Vec::new());
         let (near, rows) = (Near::default(), Rows::default());
-        // Within a radius that is no number lies nothing.
+        // A radius of NaN becomes 0, which holds no point.
         let radius_m = (radius_m as f32).max(0.0);
         Self { tree, radius_m, max, reach_m: None, leaves, spare, near, rows }
     }

@@ -15,7 +15,7 @@ const BITS: u32 = 21;
 /// Cells along each axis; points beyond lie in the outermost.
 const MOST_CELLS: u64 = 1 << BITS;
 
-/// Sample of the points by which the middle of a cloud is estimated.
+/// Number of points from which the middle of a cloud is estimated.
 const SAMPLES: usize = 1000;
 
 /// The neighbours of each point of a cloud within one radius, the point itself included (Open3D's

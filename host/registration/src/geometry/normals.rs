@@ -22,7 +22,7 @@ const CHUNK: usize = 64 * WIDE;
 /// Sets the normals of a cloud, one per point; zero where the surface has no direction. See
 /// [`from_points`].
 pub fn estimate(cloud: &mut Cloud, radius_m: f64, max_neighbours: usize) {
-    // A search wants finite points: the others get no normal.
+    // A search needs finite points: the others get no normal.
     let valid: Vec<u32> =
         (0..).zip(&cloud.points).filter(|(_, p)| is_finite(p)).map(|(i, _)| i).collect();
     let points: Vec<Point3<f32>> = valid.iter().map(|&i| cloud.points[i as usize]).collect();
@@ -33,7 +33,7 @@ pub fn estimate(cloud: &mut Cloud, radius_m: f64, max_neighbours: usize) {
     cloud.normals = Some(normals);
 }
 
-/// The normals of points, which must be finite; zero where there is none.
+/// Unit normals of `n` finite points, `[n]`; zero where a point has none.
 ///
 /// Neighbours are the nearest `max_neighbours` strictly within `radius_m`, the point itself
 /// included (Open3D's hybrid search). The normal is the eigenvector of the least eigenvalue of
@@ -76,8 +76,8 @@ pub(crate) fn of_tree(tree: &BoxTree, radius_m: f64, max_neighbours: usize) -> V
     normals
 }
 
-/// [`from_points`] with known neighbourhoods, of at least `radius_m` and at least
-/// `max_neighbours` neighbours.
+/// [`from_points`] with neighbours found already: within at least `radius_m`, and at least
+/// `max_neighbours` of them where there are so many.
 pub fn from_neighbours(
     points: &[Point3<f32>],
     neighbours: &Neighbours,

@@ -4,7 +4,7 @@ use echoloop_clouds::{Cloud, is_finite};
 use echoloop_dispatch::dispatch;
 use nalgebra::{Point3, Vector3};
 
-/// Why a cloud cannot be downsampled.
+/// Reason why a cloud cannot be downsampled.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum VoxelError {
     /// The edge is not a positive number.
@@ -44,7 +44,7 @@ pub fn downsample(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelError> {
 ///
 /// # Errors
 ///
-/// As [`downsample`].
+/// As for [`downsample`].
 pub fn downsample_open3d(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelError> {
     let finite = cloud.points.iter().filter(|p| is_finite(p));
     let least = finite.fold([f64::INFINITY; 3], |least, p| {
@@ -168,7 +168,7 @@ impl VoxelGrid {
 }
 
 dispatch! {
-    /// The finite points, in the order of the input.
+    /// Runs of the finite points, in the order of the input.
     fn runs_of(grid: &VoxelGrid, points: &[Point3<f32>]) -> Vec<Run> = runs_inline;
 }
 

@@ -13,7 +13,7 @@ use crate::icp::pairs::{Group, Pairs};
 use crate::icp::step::Step;
 use crate::normal_equations::{MomentSums, NormalEquations, RowSums};
 
-/// Variance along a plane's normal, of that within it.
+/// ε, the variance along a plane's normal over that within the plane.
 const ACROSS: f64 = 1e-3;
 
 /// Sums over pairs of a moved source point `s` with normal `m` (turned as it is) and a target point
@@ -71,9 +71,9 @@ impl Equations for PlaneToPlane {
         self
     }
 
-    /// Observability is that of the target's planes alone, as for [`NormalEquations`]:
-    /// the distance from point to point draws every direction to where the sampling of the surfaces
-    /// happens to agree, and planes that agree outweigh all others.
+    /// Observability is that of the target's planes alone, as for [`NormalEquations`]. With the
+    /// distances from point to point every direction would look determined, though they only draw
+    /// it to where the samplings of the surfaces agree; and planes that agree outweigh all others.
     fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {
         let centred = self.planes.centred();
         let weight = if self.weight > 0.0 { self.weight } else { 1.0 };
@@ -139,7 +139,7 @@ dispatch! {
 fn add_all_inline(sums: &mut PlaneToPlane, pairs: &Pairs, kernel: Kernel) {
     let (mut rows, mut moments, mut points) =
         (RowSums::default(), MomentSums::default(), PointSums::default());
-    let (mut shown, mut weight) = (RowSums::default(), [0.0; LANES]);
+    let (mut unweighted, mut weight) = (RowSums::default(), [0.0; LANES]);
     for group in pairs.groups(kernel) {
         let Group { s, d, n, m, r, w: kappa } = &group;
         for (plane, u) in planes(n, m) {
@@ -147,12 +147,12 @@ fn add_all_inline(sums: &mut PlaneToPlane, pairs: &Pairs, kernel: Kernel) {
             rows.add(&w, s, &u, &dot(&u, d));
             add_product(&mut weight, &w, &dot(&u, &u));
         }
-        shown.add(&[1.0; LANES], s, n, r);
+        unweighted.add(&[1.0; LANES], s, n, r);
         moments.add(s, d, r, kappa);
         points.add(s, d, kappa);
     }
     rows.add_to(&mut sums.planes);
-    shown.add_shown_to(&mut sums.planes);
+    unweighted.add_unweighted_to(&mut sums.planes);
     moments.add_to(&mut sums.planes, pairs.len());
     points.add_to(sums);
     sums.weight += total(&weight);

@@ -3,8 +3,8 @@
 /// The standard deviation of a normal distribution over the median of its absolute values.
 const SIGMA_OVER_MEDIAN: f64 = 1.4826;
 
-/// Least width over the pair distance. Half of the points may lie on a floor without noise: their
-/// residuals say nothing of the walls', which alone hold the motion.
+/// Least width over the pair distance. With half of the points on a floor without noise the median
+/// is near 0, but the walls, which alone hold the motion, have larger residuals.
 const LEAST_OVER_REACH: f64 = 0.04;
 
 /// Geman and McClure's weights (Bulletin of the International Statistical Institute, 1987): a pair
@@ -24,8 +24,8 @@ const LEAST_OVER_REACH: f64 = 0.04;
 /// w = 1 / k (1 + r² / k c²)²      k = (s² + v) / (s² + v₀)      s² = σ² - v₀      v₀ the median v
 /// ```
 ///
-/// So `k` is 1 of a pair like most, as σ is theirs. `s²` is what surfaces and pairing leave, at
-/// least a quarter of σ²: no more is explained by what a sensor tells of itself.
+/// So `k` is 1 for a pair of median noise. `s²` is the variance due to surfaces and pairing, at
+/// least a quarter of σ²: reported errors explain no more than the rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Kernel {
     /// 1 / c², 1/m²; 0 for least squares.
@@ -61,8 +61,8 @@ impl Kernel {
         Self { inverse_square: 1.0 / (scale_m * scale_m), variance_m2, ..Self::LEAST_SQUARES }
     }
 
-    /// The same, with weights by the error of the ranges, which adds so much to the variance of a
-    /// residual in the middle, m², if it is known.
+    /// The same, with weights by the errors of the ranges, given the median variance, m², that they
+    /// add to a residual; unchanged if that is unknown.
     pub(crate) fn with_noise(self, median_m2: Option<f64>) -> Self {
         let Some(median_m2) = median_m2.filter(|_| self.inverse_square > 0.0) else { return self };
         let quiet_m2 = (self.variance_m2 - median_m2).max(LEAST_QUIET * self.variance_m2);
@@ -70,13 +70,13 @@ impl Kernel {
         Self { quiet: quiet_m2 * per_noise, per_noise, ..self }
     }
 
-    /// Instead of the weight, how much `w r` grows with the residual, in the same units:
+    /// The kernel that gives, in place of the weight, the slope of `w r` over the residual:
     ///
     /// ```text
     /// d(w r) / dr = (1 - 3 x) / (1 + x)³ = w (1 + 4 (√w - 1))      x = (r / c)²
     /// ```
     ///
-    /// Negative beyond c / √3: there a pair lets go faster than it pulls.
+    /// Negative beyond c / √3: there the pull `w r` falls as the residual grows.
     pub(crate) fn slope(self) -> Self {
         Self { bend: 4.0, ..self }
     }

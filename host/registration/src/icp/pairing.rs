@@ -17,8 +17,8 @@ use crate::prepared::RangeNoise;
 /// Rounding of `f32` distances, relative, with room: a match within this of a tie is searched anew.
 const ROUNDING: f32 = 1e-6;
 
-/// A search looks this much farther than it must, as a share of the pair distance, so that its
-/// result outlives small steps.
+/// Extra reach of a search, as a share of the pair distance: its result then stays valid over
+/// small steps.
 const SLACK: f32 = 0.125;
 
 /// The points to be moved, and their normals if the method needs them.
@@ -43,7 +43,7 @@ pub(crate) struct LastSearch {
     at: Point3<f32>,
 }
 
-/// Longest distance of a pair, and how much farther to look, m.
+/// Longest distance of a pair, and the extra reach of a search, m.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
     pair_m: f32,
@@ -103,9 +103,9 @@ impl LastSearch {
     }
 }
 
-/// Pairs each source point with the nearest target point within reach, and sums what the least
-/// squares needs; with how far each pair is from its plane, m, in the points' order, if `residuals`
-/// are wanted.
+/// Pairs each source point with the nearest target point within reach. Returns the sums of the
+/// least squares, and, if `residuals`, the distance of each pair from its plane, m, in the points'
+/// order.
 pub(crate) fn sum_pairs<E: Equations>(
     placed: &Placed,
     kernel: Kernel,
@@ -137,8 +137,8 @@ impl Placed<'_> {
     /// None when neither sensor reports them.
     pub(crate) fn noise_m2(&self) -> Option<f64> {
         let of = [&self.target.noise, self.source.noise];
-        let told = of.iter().any(|noise| !noise.variances_m2.is_empty());
-        told.then(|| of.iter().map(|noise| noise.median_m2).sum())
+        let reported = of.iter().any(|noise| !noise.variances_m2.is_empty());
+        reported.then(|| of.iter().map(|noise| noise.median_m2).sum())
     }
 
     /// Results of `of` for each chunk of source points and their last searches, in the points'

@@ -92,7 +92,7 @@ impl Pairs {
         })
     }
 
-    /// Adds how far each source point is from its target's plane, m.
+    /// Adds the distance of each source point from its target's plane, m.
     pub(crate) fn residuals(&self, to: &mut Vec<f32>) {
         let of = |i: usize| (0..3).map(|axis| self.n[axis][i] * self.d[axis][i]).sum::<f64>();
         to.extend((0..self.len).map(|i| of(i).abs() as f32));

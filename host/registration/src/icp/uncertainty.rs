@@ -18,13 +18,14 @@ const PLAIN_WIDTH: f64 = 3.0;
 /// Least share of the information that stays in any direction.
 const LEAST_SHARE: f64 = 0.1;
 
-/// A cluster that holds a direction alone counts 1 / LEAST_REST times what it says at most.
+/// Added to the share of the information outside a cluster: the factor (I - H_c H⁻¹)⁻¹ of its score
+/// is at most 1 / LEAST_REST.
 const LEAST_REST: f64 = 0.01;
 
 /// Rounding of `f32` coordinates over the spread of the pairs, with room.
 const ROUNDING: f64 = 1e-6;
 
-/// Least information of a direction, of the mean of all: what is below cannot be inverted.
+/// Least information of a direction over the mean of all: less cannot be inverted.
 const RIDGE: f64 = 1e-9;
 
 /// Covariance of the motion that a run ended with, from the pairs it leaves: Huber's sandwich
@@ -36,13 +37,13 @@ const RIDGE: f64 = 1e-9;
 /// A = S H⁻¹ S        H = Σ w j jᵀ      S = Σ d(w r)/dr j jᵀ
 /// ```
 ///
-/// `g̃` is what leaving the cluster out would change (the jackknife; Bell and McCaffrey 2002): a
+/// `g̃` is the change from leaving the cluster out (the jackknife; Bell and McCaffrey 2002): a
 /// cluster that alone holds a direction has bent the motion until its residuals vanish. `S` is the
-/// slope of the weighted score. That it counts twice is ours: residuals that ask for another weight
-/// also ask for another partner, and once a point pairs anew its pull does not grow with the
-/// motion. A run without a kernel keeps `H` where the weights are concerned and has the second
-/// part, with the kernel that its residuals would ask for. `B` is drawn to the shape of `H` by as
-/// much as clusters are few: `k / (k + clusters)` for `k` directions.
+/// slope of the weighted score. Unlike Huber's, ours has it twice: once for the weights, once for
+/// the pairing, since a point with a large residual also changes its partner, and then its pull no
+/// longer grows with the motion. A run without a kernel has `H` in place of the first `S`, and the
+/// second from the kernel that fits its residuals. `B` is blended with the shape of `H`, which
+/// counts `k / (k + clusters)` for `k` directions.
 ///
 /// Along a direction that the pairs leave open the motion is where the run began: the standard
 /// deviation is the first pair distance (of turns, over the pairs' spread), the most that a run is
@@ -137,7 +138,7 @@ impl<E: Equations> Part<E> {
         Covariance((there + there.transpose()) / 2.0)
     }
 
-    /// The sandwich in the directions that the pairs determine; 0 in the others. Absent where
+    /// The sandwich in the directions that the pairs determine; 0 in the others. `None` where
     /// rounding leaves nothing that can be solved.
     fn known(&self, within: &Within, directions: usize, robust: bool) -> Option<Matrix6<f64>> {
         let information = within.square(&self.sums.information()) + within.rest();

@@ -125,7 +125,7 @@ impl CliqueSearch {
         }
     }
 
-    /// Extends the clique by one candidate, which then has been one.
+    /// Extends the clique by one candidate, and then marks the candidate as visited.
     fn branch(&mut self, depth: usize, node: usize, weight: f64) {
         let (words, width) = (self.local.later_words, self.width());
         let (here, next) = self.sets[depth * width..].split_at_mut(width);
@@ -193,7 +193,7 @@ impl CliqueSearch {
         pivot
     }
 
-    /// Counts a maximal clique, and keeps it if it is the heaviest that one of its nodes has seen.
+    /// Counts a maximal clique, and keeps it if it is the heaviest so far of one of its nodes.
     fn keep(&mut self, weight: f64) {
         if self.clique.len() + 1 < self.least {
             return;

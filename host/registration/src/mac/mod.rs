@@ -40,16 +40,18 @@ const MAX_CANDIDATES: usize = 200;
 /// lay together keep their distances, so they form cliques in the graph of matches that do. Each
 /// clique proposes a motion; the one with which most matches agree wins.
 ///
-/// 1. Graph: two matches are linked when their distances differ by less than `length_tolerance_m`.
+/// 1. Graph: two matches are linked when their distances in the source and in the target differ by
+///    less than `length_tolerance_m`.
 /// 2. Second order: an edge weighs what the matches linked to both its ends add.
 /// 3. Cliques: all maximal ones; each match keeps the heaviest that holds it.
 /// 4. Motions: the least squares of each clique, scored over all matches.
 /// 5. The final refit of the best, and of the best that is clearly another.
 ///
-/// Ours differs from the published code where that is quadratic in memory, unbounded in cliques, or
-/// reads the truth. It has no cut by clustering coefficients (and Otsu's threshold) of a graph that
-/// is too dense: matches of few links, and searches that take too long, are given up instead, and
-/// counted in [`MacReport`]. The same input gives the same bytes on any number of threads.
+/// The published code takes quadratic memory and any number of cliques, and reads the truth; this
+/// does not. Where that cuts a graph that is too dense by clustering coefficients and Otsu's
+/// threshold, this gives up matches of few links and searches that take too long, and counts them
+/// in [`MacReport`].
+/// The same input gives the same bytes on any number of threads.
 #[derive(Clone, Debug)]
 pub struct Mac {
     config: MacConfig,
@@ -75,6 +77,8 @@ pub struct MacReport {
 }
 
 impl Mac {
+    /// Method with these settings.
+    ///
     /// # Errors
     ///
     /// [`ConfigError`] names the field that cannot run.
@@ -271,9 +275,8 @@ impl Outcome {
 /// by chance.
 ///
 /// Fitted, with τ of two voxels, to simulated scans: 42 pairs of unrelated ones with 440 to 6100
-/// matches, 44 with 80 to 300, and 60 right motions. Of the 44, 19 passed before the sparse ones
-/// were looked at. Streets where walls and ground agree though the places are different ones still
-/// can: the margin is then near 1, but so it is of some right motions.
+/// matches, 44 with 80 to 300, and 60 right motions. Different streets whose walls and ground agree
+/// can still pass: the margin is then near 1, but so it is for some right motions.
 fn least_score(matches: usize) -> f64 {
     let matches = matches as f64;
     (9.0 + 0.45 * matches.sqrt()).min(0.5 * matches).max(3.0)

@@ -27,13 +27,13 @@ use crate::geometry::normals;
 use crate::prepared::thinned;
 use crate::{Convention, PrepareError};
 
-/// Voxels in the radius of normals, and how many neighbours make one.
+/// Radius of the neighbourhood of a normal, in voxels.
 const NORMAL_VOXELS: f64 = 4.0;
 
-/// See [`NORMAL_VOXELS`].
+/// Largest number of neighbours of a normal.
 const NORMAL_NEIGHBOURS: usize = 12;
 
-/// Distance beyond which a point lies on nothing, over the voxel.
+/// Largest distance of a point from the surface that it lies on, in voxels.
 const REACH_VOXELS: f32 = 1.25;
 
 /// Distance from a surface at which a point counts half, over the voxel.
@@ -67,9 +67,11 @@ pub struct Scene {
 /// Evidence of two scans for or against a motion. Shares are of the thinned points of both, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Overlap {
-    /// Points on a surface of the other scan that faces the same way, weighted by distance.
+    /// Share of the points on a surface of the other scan that faces the same way, weighted by
+    /// distance.
     pub supported: f64,
-    /// Points through which the other sensor saw: its echoes in that direction are farther away.
+    /// Share of the points through which the other sensor saw: its echoes in that direction are
+    /// farther away.
     pub seen_through: f64,
 }
 
@@ -193,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn the_right_motion_is_borne_out_and_nothing_was_seen_through() {
+    fn the_right_motion_is_confirmed_and_nothing_was_seen_through() {
         let (target, source) = scenes();
         let found = target.overlap(&source, &Pose::translation(5.0, 0.0, 0.0));
         assert!(found.confirms() && found.supported > 0.6, "{found:?}");

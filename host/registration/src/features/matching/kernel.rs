@@ -1,8 +1,8 @@
 //! The inner loops, for the processor at hand.
 //!
-//! LLVM turns the bounds of a box into shuffles of half registers, so for x86-64-v3 they are said
-//! by hand: the same operations in the same order, without fused multiply-add, and so the same
-//! bytes.
+//! LLVM turns the bounds of a box into shuffles of half registers, so for x86-64-v3 they are
+//! written by hand: the same operations in the same order, without fused multiply-add, and so the
+//! same bytes.
 
 #[cfg(target_arch = "x86_64")]
 use echoloop_dispatch::V3;
@@ -21,7 +21,7 @@ pub(super) trait BoundKernel: Copy {
     /// Squared distances of query `lane` to the rows of a block.
     fn row_bounds(self, queries: &Block, lane: usize, block: &Block) -> Lanes;
 
-    /// Bit l is whether `bounds[l] ≤ limits[l]`.
+    /// Mask in which bit l is set when `bounds[l] ≤ limits[l]`.
     fn not_above(self, bounds: &Lanes, limits: &Lanes) -> u32;
 }
 

@@ -54,8 +54,8 @@ impl Rotation {
         Self { transposed, slack: (longest.min(MAX_LENGTH) * ABSOLUTE) as f32 + f32::MIN_POSITIVE }
     }
 
-    /// A squared distance between rotated rows, summed in f32, that no pair exceeds whose `squared`
-    /// distance is as given.
+    /// Bound of the squared distance between two rotated rows, summed in `f32`, whose distance
+    /// before was `squared`.
     ///
     /// ```text
     /// limit = ( (1 + 1e-5) √(d + tiny) + 2e-5 ρ )²      ρ = longest row

@@ -10,8 +10,8 @@ use super::row::{Row, WIDTH, squared_distance};
 use super::tree::{Block, NONE, Node, Tree};
 use crate::features::{DIMENSIONS, Match};
 
-/// Deeper than any tree of `u32` indices halved at each level, of which one child waits while the
-/// other is searched.
+/// Most nodes that wait: more than the levels of any tree of `u32` indices halved at each. One
+/// child waits while the other is searched.
 const DEPTH: usize = 40;
 
 /// The limit of a query that has ended: no bound is below it.
@@ -174,7 +174,7 @@ impl Group {
         }
     }
 
-    /// Decides between the nearest of query `lane` so far and a block.
+    /// Compares query `lane` with the rows of a block, and keeps the nearest.
     #[inline(always)]
     fn search_block(
         &mut self,
