@@ -16,7 +16,7 @@ fn tables() -> String {
     let rows = explained(&load(None, &[]).expect("the defaults")).expect("they are explained");
     let (mut text, mut section) = (String::new(), None);
     for row in rows.iter().filter(|row| !is_setting(row)) {
-        let (of, key) = row.key.rsplit_once('.').unwrap_or(("", &row.key));
+        let (of, key) = row.key.rsplit_once('.').unwrap_or(("", row.key));
         if section != Some(of) {
             section = Some(of);
             let title =
