@@ -85,7 +85,7 @@ impl ScenePage<'_> {
              <script type=\"text/plain\" id=\"geometry\">{}</script></section>\n",
             controls(),
             stage(&self.title, still),
-            told(),
+            selected_pair(),
             HINT,
             self.list(),
             self.legend(packed),
@@ -233,7 +233,8 @@ fn stage(title: &str, still: &[u8]) -> String {
     )
 }
 
-fn told() -> &'static str {
+/// Description of the selected pair, with buttons that move the view.
+fn selected_pair() -> &'static str {
     "<div class=\"told\" data-live hidden><p id=\"pair-told\" role=\"status\">No pair is \
      selected.</p><span id=\"pair-hands\" hidden>\
      <button type=\"button\" data-stand=\"0\">stand at the first</button> \
