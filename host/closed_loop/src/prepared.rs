@@ -1,7 +1,7 @@
 //! Preparation of a run: a sensor that takes the configured start, the axes, the traced pairs.
 //!
-//! [`Preparation::new`] asks the sensor, [`Preparation::traced`] traces the pairs, [`Prepared::search`] is the
-//! search of both.
+//! [`Preparation::new`] asks the sensor, [`Preparation::traced`] traces the pairs,
+//! [`Prepared::search`] is the search of both.
 
 use std::sync::atomic::AtomicBool;
 

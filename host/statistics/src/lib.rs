@@ -30,9 +30,9 @@
 //! | [`wilson`] | 95 % interval of a share | Wilson 1927 |
 //! | [`sign_test`] | p-value of wins against losses; of paired successes, McNemar's exact test | McNemar 1947 |
 //!
-//! Values and their intervals share a unit; a share lies within 0 and 1. The mean of nothing, and any
-//! other figure that does not exist, is NaN. Equal values give equal intervals, on every machine:
-//! the seeds of the resamples are fixed.
+//! Values and their intervals share a unit; a share lies within 0 and 1. The mean of nothing, and
+//! any other figure that does not exist, is NaN. Equal values give equal intervals, on every
+//! machine: the seeds of the resamples are fixed.
 
 mod bootstrap;
 mod groups;
