@@ -101,7 +101,7 @@ pub fn decode(elf: &[u8], frames: &[u8]) -> Result<Vec<String>, LogError> {
     Ok(Messages::from_elf(elf)?.reader().read(frames))
 }
 
-/// Creates an empty file for [`write_lines`].
+/// Creates an empty file for the lines of a log.
 ///
 /// # Errors
 ///

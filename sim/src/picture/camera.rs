@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn the_shown_box_is_the_area_clipped_to_the_mesh() {
+    fn the_view_box_is_the_area_clipped_to_the_mesh() {
         let mesh = Mesh {
             vertices: vec![[-10.0, -10.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 5.0]],
             triangles: vec![[0, 1, 2]],
