@@ -1,6 +1,6 @@
 //! Summary of parameters on a set of pairs: recall and errors.
 
-pub(crate) use echoloop_statistics::median;
+use echoloop_statistics::median;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 

@@ -10,8 +10,10 @@
 
 use std::cmp;
 
+use echoloop_statistics::paired_t;
+
 use super::batch::Task;
-use super::fitness::{Fitness, PairResult, mean_cost, standard_error};
+use super::fitness::{Fitness, PairResult, mean_cost};
 use super::origin::Origin;
 use super::tune_search::Finalist;
 use crate::evaluation::objective::PairError;
@@ -185,7 +187,7 @@ impl FinalSelection {
             results.iter().map(|result| fitness.loss(&result.error, cost.as_ref())).collect()
         };
         let (own, best) = losses(i).zip(losses(leader))?;
-        Some(standard_errors_behind(&own, &best))
+        Some(paired_t(&own, &best))
     }
 
     pub(super) fn origin(&self, i: usize) -> &Origin {
@@ -237,14 +239,6 @@ fn most_after(pairs: usize) -> usize {
     GO_ON.iter().rev().find(|(from, _)| pairs >= *from).map_or(usize::MAX, |&(_, most)| most)
 }
 
-/// Mean of the paired differences of two lists of losses in its own standard errors: infinite where
-/// all differences are equal, 0 where all are 0.
-fn standard_errors_behind(own: &[f64], best: &[f64]) -> f64 {
-    let differences = own.iter().zip(best).map(|(a, b)| a - b);
-    let mean = differences.sum::<f64>() / own.len() as f64;
-    if mean == 0.0 { 0.0 } else { mean / standard_error(own, best) }
-}
-
 #[cfg(test)]
 mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
@@ -262,26 +256,12 @@ mod tests {
     }
 
     #[test]
-    fn standard_errors_are_those_of_paired_differences() {
-        let best = [0.1, 0.9, 0.3, 0.5];
-        assert_eq!(standard_errors_behind(&best, &best), 0.0);
-        let worse = best.map(|loss| loss + 0.125);
-        assert!(standard_errors_behind(&worse, &best) > 1e6, "as much behind on every pair");
-        assert!(standard_errors_behind(&best, &worse) < -1e6);
-        // Differences 1, -1, 1, 3: mean 1, standard deviation √(8/3), of the mean √(2/3).
-        let own = [1.1, -0.1, 1.3, 3.5];
-        let best = [0.1, 0.9, 0.3, 0.5];
-        let expected = 1.0 / (2.0f64 / 3.0).sqrt();
-        assert!((standard_errors_behind(&own, &best) - expected).abs() < 1e-12);
-    }
-
-    #[test]
     fn a_finalist_as_good_as_the_incumbent_seldom_replaces_it() {
         let mut random = Generator::new(11, 0);
         let mut followed = 0;
         for _ in 0..400 {
             let incumbent = random.normals(100);
-            let is_ahead = |other: Vec<f64>| standard_errors_behind(&incumbent, &other) > AHEAD;
+            let is_ahead = |other: Vec<f64>| paired_t(&incumbent, &other) > AHEAD;
             followed += usize::from(is_ahead(random.normals(100)));
         }
         // A standard normal variate is above 1 in 16 % of cases.

@@ -1,5 +1,7 @@
 //! Fitness of a candidate: its error, and the cost of its scans beside the start's.
 
+use echoloop_statistics::paired_standard_error;
+
 use crate::config::preset::ErrorMean;
 use crate::config::{DataConfig, TuneConfig};
 use crate::cost::ScanCost;
@@ -87,7 +89,7 @@ impl Fitness<'_> {
         let losses = |errors: &[PairError]| -> Vec<f64> {
             errors.iter().map(|error| worth.loss(error)).collect()
         };
-        let above = SURE * standard_error(&losses(errors), &losses(of_start));
+        let above = SURE * paired_standard_error(&losses(errors), &losses(of_start));
         match self.tune.error_mean {
             ErrorMean::Arithmetic => ratio + above / worth.of(of_start),
             ErrorMean::Geometric => ratio * libm::exp(above),
@@ -97,15 +99,6 @@ impl Fitness<'_> {
     fn start_cost(&self) -> Option<ScanCost> {
         mean_cost(&self.start)
     }
-}
-
-/// Standard error of the mean of the paired differences of two lists of losses.
-pub(super) fn standard_error(own: &[f64], other: &[f64]) -> f64 {
-    let differences: Vec<f64> = own.iter().zip(other).map(|(a, b)| a - b).collect();
-    let count = differences.len() as f64;
-    let mean = differences.iter().sum::<f64>() / count;
-    let squares = differences.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>();
-    (squares / (count - 1.0).max(1.0) / count).sqrt()
 }
 
 /// Mean cost of the scans; `None` where none was measured.

@@ -1,10 +1,10 @@
 //! Shortlist of a stage: the candidates that may become finalists.
 
 use echoloop_cmaes::CmaEs;
+use echoloop_statistics::median;
 
 use super::origin::Origin;
 use super::stage::Stage;
-use crate::evaluation::summary::median;
 use crate::parameters::{Parameters, Space};
 use crate::run_folder::journal::Generation;
 
