@@ -2,12 +2,12 @@
 //!
 //! To add a figure to the page of a run, touch three files:
 //!
-//! 1. `sections/NAME.rs`: its data, `of_run` (from a finished run), `section` (to HTML);
+//! 1. a file in `sections`: its data, `of_run` (from a finished run), `section` (to HTML);
 //! 2. `sections/mod.rs`: a field of [`Report`], filled in [`page`] and drawn in
 //!    [`Report::to_html`];
 //! 3. `host/app/tests/command/report/synthetic.rs`: made-up data, for the tests in a browser.
 //!
-//! To add a kind of panel to the figures of the study: `NAME.rs` with its data, `KEYS` and `svg`, a
+//! To add a kind of panel to the figures of the study: a file with its data, `KEYS` and `svg`, a
 //! variant of [`PanelDrawing`] in `plates.rs`, and a line here. A mark of a new colour needs a
 //! class in `theme.rs` and `report.css` besides.
 //!

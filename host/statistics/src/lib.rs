@@ -25,10 +25,10 @@
 //! | [`median`], [`quantile`], [`mean`] | a figure of values | |
 //! | [`standard_error`], [`paired_standard_error`] | standard error of a mean | |
 //! | [`paired_t`] | mean difference in its standard errors | Student 1908 |
-//! | [`bootstrap`], [`mean_interval`], [`paired_difference`] | 95 % interval, by percentiles of 2000 resamples | Efron and Tibshirani 1993, Ch. 13 |
-//! | [`mean_of_groups`] | 95 % interval of a mean over runs, from resamples and Student's t | the same, Ch. 8 |
+//! | [`bootstrap`], [`mean_interval`], [`paired_difference`] | 95 % interval, 2000 resamples | Efron 1993 |
+//! | [`mean_of_groups`] | 95 % interval of a mean over runs | the same, Ch. 8 |
 //! | [`wilson`] | 95 % interval of a share | Wilson 1927 |
-//! | [`sign_test`] | p-value of wins against losses; of paired successes, McNemar's exact test | McNemar 1947 |
+//! | [`sign_test`] | p-value of wins against losses | McNemar 1947 |
 //!
 //! Values and their intervals share a unit; a share lies within 0 and 1. The mean of nothing, and
 //! any other figure that does not exist, is NaN. Equal values give equal intervals, on every

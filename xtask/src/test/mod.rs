@@ -26,7 +26,7 @@ pub(crate) struct Test {
     #[arg(long)]
     only_tests: bool,
     /// Also every image although no source of theirs changed, and the optimisers of the Python
-    /// registry; then writes firmware/verified.toml.
+    /// registry; then writes the record.
     #[arg(long, conflicts_with = "only_tests")]
     all: bool,
     /// Installs missing programs by apt-get or Homebrew, without asking.

@@ -19,8 +19,8 @@ section! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(remote = "Self", deny_unknown_fields, default = "ScannerConfig::left_out")]
     pub struct ScannerConfig in "scanner" {
-        pattern: String, "", Bounds::Words("one of grid, raster, vlp-16, vlp-32c, vls-128, hdl-64e, \
-             os1-64, os1-128, livox-mid-40, or a table as FILE.csv"),
+        pattern: String, "", Bounds::Words("one of grid, raster, vlp-16, vlp-32c, vls-128, \
+             hdl-64e, os1-64, os1-128, livox-mid-40, or a table as FILE.csv"),
             "Where the beams point: `grid`, `raster`, a sensor (`vlp-16`, `vlp-32c`, `vls-128`, \
              `hdl-64e`, `os1-64`, `os1-128`, `livox-mid-40`), or a table: FILE.csv.";
         #[serde(skip_serializing_if = "Option::is_none")]
