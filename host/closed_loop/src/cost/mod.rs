@@ -84,10 +84,8 @@ impl Scanner {
     }
 
     /// A shot is over when light could be back from the end of the window. The sensor's program has
-    /// one converter and fires a beam when the one before has been read ([`Board::samples`]), so
+    /// one converter and fires a beam when the one before has been read (`Board::samples`), so
     /// shots follow one another; a pattern whose head turns slower waits for it.
-    ///
-    /// [`Board::samples`]: echoloop_sensor::Board::samples
     fn seconds(&self, settings: &Settings) -> f64 {
         let range_max_m = f64::from(self.hardware.range_max_mm) / 1e3;
         let shot_s = 2.0 * range_max_m / SPEED_OF_LIGHT_M_S as f64;
