@@ -25,7 +25,7 @@
 //! | [`median`], [`quantile`], [`mean`] | a figure of values | |
 //! | [`standard_error`], [`paired_standard_error`] | standard error of a mean | |
 //! | [`paired_t`] | mean difference in its standard errors | Student 1908 |
-//! | [`bootstrap`], [`mean_interval`], [`paired_difference`] | 95 % interval, 2000 resamples | Efron 1993 |
+//! | [`bootstrap`], [`mean_interval`], [`paired_difference`] | 95 % interval | Efron 1993 |
 //! | [`mean_of_groups`] | 95 % interval of a mean over runs | the same, Ch. 8 |
 //! | [`wilson`] | 95 % interval of a share | Wilson 1927 |
 //! | [`sign_test`] | p-value of wins against losses | McNemar 1947 |
