@@ -78,10 +78,8 @@ impl Scanner {
     }
 
     /// Duration of a scan, s. A shot ends when light could be back from the end of the window. The
-    /// sensor has one converter and fires a beam once the one before is read ([`Board::samples`]),
+    /// sensor has one converter and fires a beam once the one before is read (`Board::samples`),
     /// so shots follow one another; a head that turns slower sets the time.
-    ///
-    /// [`Board::samples`]: echoloop_sensor::Board::samples
     fn seconds(&self, settings: &Settings) -> f64 {
         let range_max_m = f64::from(self.hardware.range_max_mm) / 1e3;
         let shot_s = 2.0 * range_max_m / SPEED_OF_LIGHT_M_S as f64;

@@ -128,8 +128,8 @@ fn plate(
         caption: format!(
             "A held-out pair of each scene from above: as scanned with the default, registered \
              with the default, and scanned and registered with the LiDAR tuned, registration \
-             tuned, and both. It is the pair of median error with both tuned ({}). A panel is {} m wide \
-             around the middle of the target; points more than {} m below their sensor (the \
+             tuned, and both. It is the pair of median error with both tuned ({}). A panel is {} m \
+             wide around the middle of the target; points more than {} m below their sensor (the \
              ground) are left out. {}",
             names.collect::<Vec<_>>().join(", "),
             2.0 * HALF_M,
