@@ -6,7 +6,7 @@
 //! implements [`transport::Transport`]: it may lose, change and delay bytes.
 //!
 //! ```
-//! use echoloop_dsp::scan_pattern::Grid;
+//! use echoloop_dsp::scan_pattern::grid::Grid;
 //! use echoloop_dsp::{ScanPattern, Settings};
 //! use echoloop_frontend::Receiver;
 //! use echoloop_sensors::boards::pc::PcSensor;
