@@ -25,8 +25,8 @@ pub(crate) struct Test {
     /// Only the tests.
     #[arg(long)]
     only_tests: bool,
-    /// Also every image although no source of theirs changed, and the optimisers of the Python
-    /// registry; then writes the record.
+    /// Also every image although no source of theirs changed, the tests that are ignored for their
+    /// length, and the optimisers of the Python registry; then writes the record.
     #[arg(long, conflicts_with = "only_tests")]
     all: bool,
     /// Installs missing programs by apt-get or Homebrew, without asking.
@@ -99,6 +99,7 @@ impl Plan {
             after.push(Step::own("clouds", &["peers", "--clouds"])?);
         }
         if asked.all {
+            after.push(ignored_tests(root)?.with(SKIPPED, &skipped));
             after.push(Step::own("searches", &["peers", "--searches"])?);
         }
         Ok(Self { images: image_steps(asked, chosen)?, host, after, skipped })
@@ -135,9 +136,21 @@ fn tests(root: &Path, chosen: &[&Target]) -> Result<Step> {
     let all = targets();
     let left_out: Vec<&str> =
         all.iter().filter(|target| !chosen.contains(target)).map(|target| target.name).collect();
-    let step = Step::cargo("tests", &["test", "--workspace"])?.with(LEFT_OUT, left_out.join(","));
-    let data = setup::data(root, env::var_os(DATA).map(PathBuf::from));
-    Ok(if let Some(folder) = data { step.with(DATA, folder) } else { step })
+    Ok(with_data(Step::cargo("tests", &["test", "--workspace"])?, root)
+        .with(LEFT_OUT, left_out.join(",")))
+}
+
+/// Tests that are too long for each change, without those that tests of `tests/needs` call.
+fn ignored_tests(root: &Path) -> Result<Step> {
+    let arguments = ["test", "--workspace", "--", "--ignored", "--skip", "tests::a_test_"];
+    Ok(with_data(Step::cargo("long tests", &arguments)?, root))
+}
+
+fn with_data(step: Step, root: &Path) -> Step {
+    match setup::data(root, env::var_os(DATA).map(PathBuf::from)) {
+        Some(folder) => step.with(DATA, folder),
+        None => step,
+    }
 }
 
 fn host_steps() -> Result<Vec<Step>> {

@@ -1163,9 +1163,9 @@ fn only_a_run_s_own_folder_can_be_resumed() {
 /// Long enough to be interrupted: some fifty milliseconds a generation.
 const LONG: [&str; 8] = [
     "tune",
-    "-q",
     "-c",
     "small.toml",
+    "-q",
     "--generations",
     "20",
     "--set",
@@ -1211,7 +1211,7 @@ fn interrupted(fixture: &Fixture, signal: &str) -> CommandOutput {
 #[cfg(unix)]
 fn two_processes_never_write_one_run() {
     let fixture = Fixture::new();
-    fixture.succeed(&LONG);
+    fixture.tuned(&LONG[4..]);
     let folder = "runs/0001-yard-icp-joint";
     let history = format!("{folder}/history.jsonl");
     let whole = fixture.bytes(&history);
@@ -1236,7 +1236,7 @@ fn two_processes_never_write_one_run() {
 #[cfg(unix)]
 fn a_journal_that_vanishes_before_a_run_goes_on_is_missed() {
     let fixture = Fixture::new();
-    fixture.succeed(&LONG);
+    fixture.tuned(&LONG[4..]);
     let folder = "runs/0001-yard-icp-joint";
     let [mesh, history] = ["yard.obj".into(), format!("{folder}/history.jsonl")];
     let scene = fixture.bytes(&mesh);
@@ -1258,7 +1258,7 @@ fn a_journal_that_vanishes_before_a_run_goes_on_is_missed() {
 #[cfg(unix)]
 fn an_interrupted_or_killed_run_goes_on_to_the_very_result_of_one_that_was_not() {
     let fixture = Fixture::new();
-    fixture.succeed(&LONG);
+    fixture.tuned(&LONG[4..]);
     let folder = "runs/0001-yard-icp-joint";
     let names = ["history.jsonl", "result.json", "report.html", "after.ply"]
         .map(|name| format!("{folder}/{name}"));
