@@ -1,13 +1,12 @@
-//! `cargo xtask attack`: the attacks of `tests/tests/attack`, as many cases as one likes.
+//! `cargo xtask attack`: the attacks of `tests/tests/attack` with any number of cases.
 
 use std::fs;
 
 use anyhow::{Result, bail};
 
-use crate::day::today;
-use crate::shell::{cargo_command, succeed, workspace};
+use crate::shell::{cargo_command, succeed, today, workspace};
 
-/// Which cases.
+/// Cases to run.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Attack {
     /// Only this kind: a file of tests/tests/attack/kind.
@@ -16,10 +15,10 @@ pub(crate) struct Attack {
     /// Cases of each kind.
     #[arg(long, default_value_t = 10_000)]
     cases: u64,
-    /// Decides all of them.
+    /// Seed of all cases.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Only this case: what a failure names.
+    /// Only this case, as a failure names it.
     #[arg(long, requires = "kind")]
     case: Option<u64>,
 }
@@ -44,7 +43,7 @@ pub(crate) fn run(asked: &Attack) -> Result<()> {
     Ok(())
 }
 
-/// The tests of a kind that there is: cargo would run none, and be content.
+/// Filter for the tests of a kind. An unknown one is refused: cargo would run no test, and pass.
 fn known(kind: &str) -> Result<String> {
     let kinds = kinds()?;
     if !kinds.iter().any(|known| known == kind) {
@@ -53,7 +52,7 @@ fn known(kind: &str) -> Result<String> {
     Ok(format!("kind::{kind}::"))
 }
 
-/// The kinds there are: files of the folder.
+/// Kinds of attacks: files of their folder.
 fn kinds() -> Result<Vec<String>> {
     let mut kinds = Vec::new();
     for entry in fs::read_dir(workspace()?.join("tests/tests/attack/kind"))? {

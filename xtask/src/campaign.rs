@@ -15,11 +15,11 @@ use echoloop_statistics::{Estimate, mean_of_groups};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::de::{DeserializeOwned, Error as _};
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Map, Value};
 
-use crate::record::{append, echoloop, lines, printed, stamp};
-use crate::shell::{built, cargo, commit, workspace};
+use crate::record::{append, lines, printed, stamp};
+use crate::shell::{build_release, built, commit, echoloop, workspace};
 
 /// Plan of a campaign.
 #[derive(Debug, Deserialize)]
@@ -58,18 +58,10 @@ struct Choice {
     arguments: Vec<String>,
 }
 
-/// One value of each axis, by the axis' name.
-#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(from = "BTreeMap<String, Word>", into = "BTreeMap<String, Word>")]
+/// One value of each axis, by the axis' name. A record has numbers as numbers.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[serde(from = "BTreeMap<String, Value>")]
 pub(crate) struct Cell(BTreeMap<String, String>);
-
-/// A value as a record has it: numbers as numbers.
-#[derive(Clone, Serialize, Deserialize)]
-#[serde(untagged)]
-enum Word {
-    Number(u64),
-    Name(String),
-}
 
 /// A finished run: a line of a record.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -86,12 +78,10 @@ pub(crate) struct Line<T> {
 impl<'de, T: DeserializeOwned> Deserialize<'de> for Line<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let mut members = Map::deserialize(deserializer)?;
-        let cell = members.remove("cell").or_else(|| members.remove("asked"));
-        let cell = cell.ok_or_else(|| D::Error::missing_field("cell"))?;
-        let made = members.remove("made").ok_or_else(|| D::Error::missing_field("made"))?;
+        let mut own = |name| members.remove(name).ok_or_else(|| D::Error::missing_field(name));
         Ok(Self {
-            cell: serde_json::from_value(cell).map_err(D::Error::custom)?,
-            made: serde_json::from_value(made).map_err(D::Error::custom)?,
+            cell: serde_json::from_value(own("cell")?).map_err(D::Error::custom)?,
+            made: serde_json::from_value(own("made")?).map_err(D::Error::custom)?,
             result: serde_json::from_value(Value::Object(members)).map_err(D::Error::custom)?,
         })
     }
@@ -172,7 +162,7 @@ impl Plan {
         more: impl Fn(&Cell, &[Line<T>]) -> Result<Option<Vec<String>>>,
         read: impl Fn(&Value) -> Result<T>,
     ) -> Result<()> {
-        cargo(["build", "--release", "--package", "echoloop-app", "--bin", "echoloop"])?;
+        build_release()?;
         let record = workspace()?.join(&self.record);
         let mut done: Vec<Line<T>> = lines(&record)?;
         let mut failed = Vec::new();
@@ -246,23 +236,17 @@ impl Cell {
     }
 }
 
-impl From<BTreeMap<String, Word>> for Cell {
-    fn from(words: BTreeMap<String, Word>) -> Self {
-        let text = |(axis, word)| match word {
-            Word::Number(number) => (axis, number.to_string()),
-            Word::Name(name) => (axis, name),
-        };
-        Self(words.into_iter().map(text).collect())
+impl From<BTreeMap<String, Value>> for Cell {
+    fn from(values: BTreeMap<String, Value>) -> Self {
+        let text = |value: Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        Self(values.into_iter().map(|(axis, value)| (axis, text(value))).collect())
     }
 }
 
-impl From<Cell> for BTreeMap<String, Word> {
-    fn from(Cell(values): Cell) -> Self {
-        let word = |(axis, value): (String, String)| match value.parse() {
-            Ok(number) => (axis, Word::Number(number)),
-            Err(_) => (axis, Word::Name(value)),
-        };
-        values.into_iter().map(word).collect()
+impl Serialize for Cell {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let value = |text: &str| text.parse::<u64>().map_or_else(|_| text.into(), Value::from);
+        serializer.collect_map(self.0.iter().map(|(axis, text)| (axis, value(text))))
     }
 }
 
@@ -312,14 +296,13 @@ mod tests {
     }
 
     #[test]
-    fn a_line_has_numbers_as_numbers_and_older_names_are_read() {
+    fn a_line_has_numbers_as_numbers_and_reads_back() {
         let cell = Cell::default().with("seed", "3").with("scene", "structured");
         let result = BTreeMap::from([("pairs".to_owned(), 12)]);
         let line = Line { cell, made: "today".into(), result };
         let text = serde_json::to_string(&line).unwrap();
         let expected = r#"{"cell":{"scene":"structured","seed":3},"made":"today","pairs":12}"#;
         assert_eq!(text, expected);
-        let older = text.replace("cell", "asked");
-        assert_eq!(serde_json::from_str::<Line<_>>(&older).unwrap(), line);
+        assert_eq!(serde_json::from_str::<Line<_>>(&text).unwrap(), line);
     }
 }

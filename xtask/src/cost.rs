@@ -1,5 +1,4 @@
-//! `cargo xtask cost`: what the stages cost on a microcontroller, in instructions, against a
-//! committed table.
+//! `cargo xtask cost`: instructions of the stages on microcontrollers, against a committed table.
 //!
 //! `firmware/image/src/bin/cost` checks the kernels and counts; QEMU runs it with a clock that
 //! advances by instructions, so every run counts the same. The table is `firmware/image/cost.tsv`;
@@ -19,12 +18,12 @@ use std::{env, fs, thread};
 use anyhow::{Context, Result, bail, ensure};
 
 use crate::firmware;
-use crate::shell::{first_line, on_path, workspace};
+use crate::shell::{first_line, on_path, today, workspace};
 use machine::{MACHINES, Machine};
-use page::{Aims, CMSIS_FAST, PAGE};
+use page::{Aim, CMSIS_FAST, PAGE, aims};
 use table::{TABLE, TOLERANCE_PERCENT, Table, compare, parse};
 
-/// An emulator that runs longer hangs.
+/// Time after which an emulator hangs.
 const LONGEST: Duration = Duration::from_secs(60);
 
 /// Counts on the processors of some targets, or on all, and compares with the committed table, or
@@ -50,8 +49,8 @@ fn write(counted: &Table) -> Result<()> {
     Ok(())
 }
 
-/// Compares with the committed table and with the aims; processors that were not counted count as
-/// committed.
+/// Compares with the committed table and the aims; of processors that were not counted, the
+/// committed figures stand.
 fn check(mut counted: Table) -> Result<()> {
     let root = workspace()?;
     let text =
@@ -83,14 +82,14 @@ fn check(mut counted: Table) -> Result<()> {
         drawn == page::draw(&committed)?,
         "{PAGE} is not what {TABLE} says: cargo xtask cost --update"
     );
-    Aims::from_table(&counted)?.check()?;
+    aims(&counted)?.iter().try_for_each(Aim::check)?;
     println!("{figures} figures, none grew by more than {TOLERANCE_PERCENT} %");
     Ok(())
 }
 
-/// What is counted now, as JSON: `/processor/kernel/case/stage`, instructions a waveform; `None`
-/// when a toolchain or an emulator is missing. `/cmsis-dsp/arm_fir_fast_q15` is what our filter is
-/// compared with, instructions a sample.
+/// Counts as JSON: `/processor/kernel/case/stage`, instructions a waveform, and
+/// `/cmsis-dsp/arm_fir_fast_q15`, instructions a sample of the filter that ours is compared with.
+/// `None` when a toolchain or an emulator is missing.
 ///
 /// # Errors
 ///
@@ -106,39 +105,26 @@ pub(crate) fn counted() -> Result<Option<serde_json::Value>> {
     Ok(Some(tree))
 }
 
-/// The figures of some processors; `None` when they cannot be counted here.
+/// Figures of some processors; `None`, reported, when a toolchain or an emulator is missing, which
+/// is an error where `CI` is set.
 fn count(machines: &[&Machine]) -> Result<Option<Table>> {
-    let is_possible = can_build(machines)? && can_emulate(machines)?;
-    is_possible.then(|| count_all(machines)).transpose()
-}
-
-/// Whether there is a toolchain for every processor; where nobody would see that there is none,
-/// that is an error.
-fn can_build(machines: &[&Machine]) -> Result<bool> {
-    for machine in machines {
-        match firmware::toolchain(&machine.target) {
-            Err(error) if env::var_os("CI").is_some() => return Err(error),
-            Err(error) => {
-                eprintln!("SKIPPED: the cost on a microcontroller was not counted: {error:#}");
-                return Ok(false);
-            }
-            Ok(_) => {}
+    match machines.iter().try_for_each(|machine| is_there(machine)) {
+        Ok(()) => count_all(machines).map(Some),
+        Err(error) if env::var_os("CI").is_some() => {
+            bail!("the cost on a microcontroller cannot be counted: {error:#}")
+        }
+        Err(error) => {
+            eprintln!("SKIPPED: the cost on a microcontroller was not counted: {error:#}");
+            Ok(None)
         }
     }
-    Ok(true)
 }
 
-/// Whether every emulator is there; where nobody would see that one is not, that is an error.
-fn can_emulate(machines: &[&Machine]) -> Result<bool> {
-    let Some(missing) = machines.iter().find(|machine| !on_path(machine.emulator)) else {
-        return Ok(true);
-    };
-    let how = format!("no {}; run: apt-get install {}", missing.emulator, missing.package);
-    if env::var_os("CI").is_some() {
-        bail!("the cost on a microcontroller cannot be counted: {how}");
-    }
-    eprintln!("SKIPPED: the cost on a microcontroller was not counted: {how}");
-    Ok(false)
+/// Fails when a machine's toolchain or emulator is missing.
+fn is_there(Machine { target, emulator, package, .. }: &Machine) -> Result<()> {
+    firmware::toolchain(target)?;
+    ensure!(on_path(emulator), "no {emulator}; run: apt-get install {package}");
+    Ok(())
 }
 
 fn count_all(machines: &[&Machine]) -> Result<Table> {
@@ -161,7 +147,7 @@ fn count_all(machines: &[&Machine]) -> Result<Table> {
     Ok(table)
 }
 
-/// The image's output; fails unless it says that all went well.
+/// Output of an image; fails unless its last line is `end`.
 fn emulate(machine: &Machine, image: &Path) -> Result<String> {
     let mut command = Command::new(machine.emulator);
     command
@@ -208,5 +194,5 @@ fn measured_with() -> Result<String> {
     let qemu = first_line("qemu-system-arm", &["--version"])?;
     let qemu = qemu.replace("QEMU emulator version", "QEMU");
     let qemu = qemu.split(" (").next().unwrap_or_default();
-    Ok(format!("{rustc}, {qemu}, {}", crate::day::today()))
+    Ok(format!("{rustc}, {qemu}, {}", today()))
 }

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::shell::workspace;
 
-/// Targets in `fuzz/fuzz_targets`, and how long an input is worth trying.
+/// Targets in `fuzz/fuzz_targets`, and the greatest length of an input worth trying, bytes.
 const TARGETS: [(&str, u32); 19] = [
     ("frame_decoder", 2_048),
     ("session", 1_024),
@@ -32,8 +32,8 @@ const TARGETS: [(&str, u32); 19] = [
     ("journal", 8_192),
 ];
 
-/// Runs every target, or only one, for so many seconds, from the inputs that were kept: a line of
-/// hexadecimal digits each in `fuzz/corpus/TARGET.hex`. All inputs lie in `target/fuzz/corpus`.
+/// Runs every target, or only one, for a time each, from the kept inputs: lines of hexadecimal
+/// digits in `fuzz/corpus/TARGET.hex`. All inputs lie in `target/fuzz/corpus`.
 pub(crate) fn run(only: Option<&str>, seconds: u32) -> Result<()> {
     if !is_installed() {
         bail!(

@@ -3,7 +3,6 @@
 mod attack;
 mod campaign;
 mod cost;
-mod day;
 mod figures;
 mod firmware;
 mod fuzz;

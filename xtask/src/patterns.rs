@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::campaign::{self, Cell, Plan, mean};
-use crate::record::write_page;
+use crate::record::{with_commas, write_page};
 
 static PATTERNS: LazyLock<Plan> =
     LazyLock::new(|| Plan::read(include_str!("../../benches/plans/patterns.toml")));
@@ -133,7 +133,7 @@ fn table(lines: &[Line]) -> String {
             };
             let run = scenes.iter().find_map(|scene| of(methods[0], scene));
             let mut label = run.map(|run| match light {
-                "time" => format!("`{pattern}`, {}", with_commas(run.beams())),
+                "time" => format!("`{pattern}`, {}", with_commas(run.beams(), 0)),
                 _ => format!("… at the grid's energy, {:.2} W", run.power_w),
             });
             for method in &methods {
@@ -152,12 +152,6 @@ fn table(lines: &[Line]) -> String {
 
 fn name(method: &str) -> String {
     if method == "icp" { method.to_uppercase() } else { method.to_owned() }
-}
-
-/// A count with a comma after its thousands.
-fn with_commas(count: f64) -> String {
-    let (thousands, rest) = ((count / 1e3).floor(), count % 1e3);
-    format!("{thousands},{rest:03}")
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
-//! Registration, the waveform path and the optimiser against their peers: a Python environment with
-//! them, our side built, both on the same files or functions.
+//! `cargo xtask peers`: registration, the waveform path and the optimiser beside their peers in
+//! Python, on the same files or functions.
 
 mod environment;
 mod searches;
@@ -9,13 +9,13 @@ use std::process::Command;
 
 use anyhow::Result;
 
-use crate::shell::{build_as_tested, built, cargo, succeed, workspace};
+use crate::shell::{build_as_tested, build_release, built, cargo, succeed, workspace};
 use environment::{environment, holds};
 
-/// What to measure besides speed.
+/// Comparison to make.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct Peers {
-    /// A minute, to see that all runs; the tables go to target/peers.
+    /// Take a minute, to see that all runs; the tables go to target/peers.
     #[arg(long)]
     quick: bool,
     /// Recall on hard pairs instead of speed.
@@ -33,14 +33,14 @@ pub(crate) struct Peers {
     /// The optimiser beside pycma and cmaes instead of registration: evaluations, not time.
     #[arg(long, conflicts_with_all = ["recall", "scaling", "all", "waveforms"])]
     optimiser: bool,
-    /// Only see that Open3D reads our clouds with every attribute, and we its: seconds. The
-    /// measurements of registration see it first.
+    /// Only check that Open3D reads our clouds with every attribute, and we its: seconds. The
+    /// measurements of registration begin with it.
     #[arg(
         long,
         conflicts_with_all = ["quick", "recall", "scaling", "all", "waveforms", "optimiser"],
     )]
     clouds: bool,
-    /// Only see that pycma, Optuna and Nevergrad drive the loop through `evaluate --stream`: a
+    /// Only check that pycma, Optuna and Nevergrad drive the loop through `evaluate --stream`: a
     /// minute.
     #[arg(
         long,
@@ -51,57 +51,52 @@ pub(crate) struct Peers {
     searches: bool,
 }
 
-/// Where the peers of registration are installed, and which.
+/// Environment of the peers of registration, and their packages.
 const ENVIRONMENT: &str = "target/peers/venv";
 const REQUIREMENTS: &str = "benches/peers/requirements.txt";
 
 /// Measures, and writes registration-peers.md, waveform-cost.md or optimiser.md below
 /// benches/record.
 pub(crate) fn run(peers: Peers) -> Result<()> {
+    let root = workspace()?;
     if peers.clouds {
-        let root = workspace()?;
         let python = environment(&root.join(ENVIRONMENT), &root.join(REQUIREMENTS))?;
         build_as_tested()?;
-        return clouds(&root, &python, &built(&root).join("debug/echoloop"));
+        clouds(&root, &python, &built(&root).join("debug/echoloop"))
+    } else if peers.searches {
+        searches::run(&root)
+    } else if peers.waveforms {
+        beside(&root, peers.quick, "waveforms", "waveform_path", "waveform-cost")
+    } else if peers.optimiser {
+        beside(&root, peers.quick, "optimiser", "optimiser", "optimiser")
+    } else {
+        registration(&root, peers)
     }
-    if peers.searches {
-        return searches::run();
-    }
-    if peers.waveforms {
-        return beside(&WAVEFORMS, peers.quick);
-    }
-    if peers.optimiser { beside(&OPTIMISER, peers.quick) } else { registration(peers) }
 }
 
-fn registration(peers: Peers) -> Result<()> {
-    let root = workspace()?;
-    let work = root.join("target/peers");
-    let scripts = root.join("benches/peers");
+fn registration(root: &Path, peers: Peers) -> Result<()> {
     let python = environment(&root.join(ENVIRONMENT), &root.join(REQUIREMENTS))?;
-    cargo([
-        "build",
-        "--release",
-        "--package",
-        "echoloop-app",
-        "--package",
-        "echoloop-benches",
-        "--bin",
-        "echoloop",
-        "--bin",
-        "stages",
-    ])?;
-    let built = built(&root).join("release");
-    clouds(&root, &python, &built.join("echoloop"))?;
-    let page = if peers.quick {
-        work.join("quick.md")
-    } else {
-        root.join("benches/record/registration-peers.md")
-    };
+    build_release()?;
+    cargo(["build", "--release", "--package", "echoloop-benches", "--bin", "stages"])?;
+    let built = built(root).join("release");
+    let (stages, echoloop) = (built.join("stages"), built.join("echoloop"));
+    clouds(root, &python, &echoloop)?;
+    let page = if peers.quick { "quick" } else { "registration-peers" };
+    let mut command = script(root, &python, "run.py", page, peers.quick);
+    command.arg("--stages").arg(stages).arg("--echoloop").arg(echoloop);
+    succeed(command.arg("--parts").args(peers.parts()))
+}
+
+/// A script of benches/peers that writes a page below benches/record, or with `quick` in its work
+/// folder.
+fn script(root: &Path, python: &Path, name: &str, page: &str, quick: bool) -> Command {
+    let work = root.join("target/peers");
+    let folder = if quick { work.clone() } else { root.join("benches/record") };
     let mut command = Command::new(python);
-    command.arg(scripts.join("run.py")).arg("--work").arg(&work).arg("--out").arg(page);
-    command.arg("--stages").arg(built.join("stages")).arg("--echoloop").arg(built.join("echoloop"));
-    command.args(peers.quick.then_some("--quick")).arg("--parts").args(peers.parts());
-    succeed(&mut command)
+    command.arg(root.join("benches/peers").join(name)).arg("--work").arg(work);
+    command.arg("--out").arg(folder.join(page).with_extension("md"));
+    command.args(quick.then_some("--quick"));
+    command
 }
 
 /// Has Open3D read the clouds of our command, and the other way round.
@@ -111,7 +106,7 @@ fn clouds(root: &Path, python: &Path, echoloop: &Path) -> Result<()> {
     succeed(command.arg("--work").arg(root.join("target/peers/attributes")))
 }
 
-/// True where the peers of registration are installed; else says what is left out.
+/// True when the peers of registration are installed; otherwise reports the check that is skipped.
 pub(crate) fn are_installed(root: &Path) -> Result<bool> {
     let are = holds(&root.join(ENVIRONMENT), &root.join(REQUIREMENTS))?;
     if !are {
@@ -123,37 +118,17 @@ pub(crate) fn are_installed(root: &Path) -> Result<bool> {
     Ok(are)
 }
 
-/// A measurement whose script is given our program and writes its page.
-struct Beside {
-    /// The script and what it needs: its own file of the folder, and its requirements.
-    name: &'static str,
-    /// Our program, which the script takes as `--NAME`.
-    program: &'static str,
-    /// Below benches/record.
-    page: &'static str,
-}
-
-const WAVEFORMS: Beside =
-    Beside { name: "waveforms", program: "waveform_path", page: "waveform-cost.md" };
-const OPTIMISER: Beside = Beside { name: "optimiser", program: "optimiser", page: "optimiser.md" };
-
-fn beside(what: &Beside, quick: bool) -> Result<()> {
-    let root = workspace()?;
-    let work = root.join("target/peers");
-    let scripts = root.join("benches/peers");
-    let name = what.name;
-    let requirements = scripts.join(format!("requirements-{name}.txt"));
-    let python = environment(&work.join(format!("venv-{name}")), &requirements)?;
-    cargo(["build", "--release", "--package", "echoloop-benches", "--bin", what.program])?;
-    let page = if quick {
-        work.join(format!("quick-{name}.md"))
-    } else {
-        root.join("benches/record").join(what.page)
-    };
-    let mut command = Command::new(python);
-    command.arg(scripts.join(format!("{name}.py"))).arg("--work").arg(&work).arg("--out").arg(page);
-    command.arg(format!("--{name}")).arg(built(&root).join("release").join(what.program));
-    command.args(quick.then_some("--quick"));
+/// Runs the script of a name, which has packages of its own, takes our program as `--NAME`, and
+/// writes its page.
+fn beside(root: &Path, quick: bool, name: &str, program: &str, page: &str) -> Result<()> {
+    let requirements = root.join(format!("benches/peers/requirements-{name}.txt"));
+    let folder = root.join(format!("target/peers/venv-{name}"));
+    let python = environment(&folder, &requirements)?;
+    cargo(["build", "--release", "--package", "echoloop-benches", "--bin", program])?;
+    let quick_page = format!("quick-{name}");
+    let page = if quick { &quick_page } else { page };
+    let mut command = script(root, &python, &format!("{name}.py"), page, quick);
+    command.arg(format!("--{name}")).arg(built(root).join("release").join(program));
     // One thread each, whatever numpy was built with.
     succeed(command.env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1"))
 }

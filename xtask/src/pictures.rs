@@ -5,8 +5,8 @@ use anyhow::Result;
 
 use crate::shell::{cargo, workspace};
 
-/// As `echoloop scene` takes them, and pixels across, so that none has more than 150 kB. Each
-/// picture is called as its scene.
+/// Scenes of `echoloop scene`, and the width of each picture, pixels, so that none has more than
+/// 150 kB. A picture has its scene's name.
 #[rustfmt::skip]
 const SCENES: [(&str, &str); 12] = [
     ("structured", "768"), ("semi-structured", "768"), ("unstructured", "768"),

@@ -10,8 +10,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-use crate::day::today;
-use crate::shell::{built, commit, workspace};
+use crate::shell::{commit, today, workspace};
 
 const END: &str = "<!-- end -->\n";
 
@@ -36,17 +35,12 @@ pub(crate) fn append<T: Serialize>(path: &Path, line: &T) -> Result<()> {
     file.write_all(text.as_bytes()).and_then(|()| file.sync_data()).with_context(fail)
 }
 
-/// JSON that the release build of `echoloop` prints; its progress is shown.
+/// JSON that a command of `echoloop` prints; its progress is shown.
 pub(crate) fn printed(command: &mut Command) -> Result<Value> {
     eprintln!("+ {command:?}");
     let output = command.stderr(Stdio::inherit()).output().context("cannot run echoloop")?;
     ensure!(output.status.success(), "failed: {command:?}");
     serde_json::from_slice(&output.stdout).context("echoloop prints JSON")
-}
-
-/// The release build of `echoloop`.
-pub(crate) fn echoloop() -> Result<Command> {
-    Ok(Command::new(built(&workspace()?).join("release/echoloop")))
 }
 
 /// Day and commit of this code.
@@ -69,6 +63,20 @@ fn written_into(page: &str, command: &str, text: &str) -> Result<String> {
     let (before, rest) = parted.context("the page has no mark to write after")?;
     let (_, after) = rest.split_once(END).context("the page has no mark to write up to")?;
     Ok(format!("{before}{begin}{text}{END}{after}"))
+}
+
+/// A number with commas between thousands.
+pub(crate) fn with_commas(number: f64, decimals: usize) -> String {
+    let plain = format!("{number:.decimals$}");
+    let (whole, fraction) = plain.split_at(plain.find('.').unwrap_or(plain.len()));
+    let mut text = String::new();
+    for (index, digit) in whole.chars().enumerate() {
+        if index > 0 && (whole.len() - index) % 3 == 0 && !text.ends_with('-') {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text + fraction
 }
 
 /// To three significant digits: records are read by people too.
@@ -101,5 +109,12 @@ mod tests {
         assert_eq!(written_into(&new, "it", "new\n").unwrap(), new);
         assert!(written_into("no marks", "it", "new").is_err());
         assert_eq!(three_digits(4.6084), 4.61);
+    }
+
+    #[test]
+    fn thousands_are_parted_by_commas() {
+        let texts = [(5.16, 1), (8280.4, 0), (-8_280_400.0, 1), (28_928.0, 0)];
+        let expected = ["5.2", "8,280", "-8,280,400.0", "28,928"];
+        assert_eq!(texts.map(|(number, decimals)| with_commas(number, decimals)), expected);
     }
 }

@@ -1,4 +1,4 @@
-//! The workspace's root, and commands that are run in it.
+//! The workspace's root, commands that are run in it, and what a record says of the code.
 
 use std::env;
 use std::ffi::OsStr;
@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
+use time::OffsetDateTime;
 
-/// Whether a folder of the PATH holds a program.
+/// True when a folder of the PATH holds a program.
 pub(crate) fn on_path(name: &str) -> bool {
     let Some(path) = env::var_os("PATH") else { return false };
     env::split_paths(&path).any(|folder| folder.join(name).is_file())
@@ -25,13 +26,30 @@ pub(crate) fn cargo_command() -> Result<Command> {
     Ok(command)
 }
 
-/// Builds the program as the tests have it. By itself it would be built once more: which features
-/// its packages have hangs on what else is built.
+/// Builds the release program, which [`echoloop`] runs.
+pub(crate) fn build_release() -> Result<()> {
+    cargo(["build", "--release", "--package", "echoloop-app", "--bin", "echoloop"])
+}
+
+/// The release program, in the workspace's root.
+pub(crate) fn echoloop() -> Result<Command> {
+    let root = workspace()?;
+    let mut command = Command::new(built(&root).join("release/echoloop"));
+    command.current_dir(root);
+    Ok(command)
+}
+
+/// Builds the program as the tests have it. Alone it would be built once more: the features of its
+/// packages depend on what else is built.
 pub(crate) fn build_as_tested() -> Result<()> {
     cargo(["test", "--workspace", "--no-run", "--quiet"])
 }
 
-/// Shows a command, runs it, and fails when it does.
+/// Prints a command and runs it.
+///
+/// # Errors
+///
+/// When it cannot be run, or fails.
 pub(crate) fn succeed(command: &mut Command) -> Result<()> {
     let shown = format!("{command:?}");
     eprintln!("+ {shown}");
@@ -41,7 +59,11 @@ pub(crate) fn succeed(command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// What a program prints, run in the workspace's root; fails when it does.
+/// Standard output of a program, run in the workspace's root.
+///
+/// # Errors
+///
+/// When it cannot be run, or fails.
 pub(crate) fn output(program: &str, arguments: &[&str]) -> Result<String> {
     output_in(&workspace()?, program, arguments)
 }
@@ -55,13 +77,18 @@ fn output_in(folder: &Path, program: &str, arguments: &[&str]) -> Result<String>
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
-/// The first line that a program prints.
+/// First line that a program prints.
 pub(crate) fn first_line(program: &str, arguments: &[&str]) -> Result<String> {
     Ok(output(program, arguments)?.lines().next().unwrap_or_default().to_owned())
 }
 
-/// What a record says of the code: the commit, and `-dirty` where a file differs from it. Records
-/// and pages do not count: those a study writes itself, line by line.
+/// Today's date in UTC, as 2026-11-21.
+pub(crate) fn today() -> String {
+    OffsetDateTime::now_utc().date().to_string()
+}
+
+/// Commit, followed by `-dirty` where a file differs from it. Records and pages do not count, as a
+/// study writes them line by line.
 pub(crate) fn commit() -> Result<String> {
     commit_of(&workspace()?)
 }
@@ -74,9 +101,9 @@ fn commit_of(root: &Path) -> Result<String> {
     Ok(commit.trim().to_owned() + if changed.is_empty() { "" } else { "-dirty" })
 }
 
-/// Where builds lie.
+/// Folder of builds.
 pub(crate) fn built(root: &Path) -> PathBuf {
-    env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from)
+    root.join(env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into()))
 }
 
 /// The workspace's root.

@@ -1,20 +1,18 @@
-//! `cargo xtask towns`: pairs of the nine towns, traced, kept and read back; what that takes goes
-//! into `benches/record/data.md`. Those on CARLA's roads need its files, which `ECHOLOOP_DATA`
-//! names.
+//! `cargo xtask towns`: time to trace, store and read pairs of the nine towns, a table of
+//! `benches/record/data.md`. Towns on CARLA's roads need its files, which `ECHOLOOP_DATA` names.
 
-use std::fmt::Write;
 use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
 use serde_json::Value;
 
-use crate::record::{echoloop, printed, stamp, write_page};
-use crate::shell::{built, cargo, workspace};
+use crate::record::{printed, stamp, write_page};
+use crate::shell::{build_release, built, echoloop, workspace};
 
 const PAGE: &str = "benches/record/data.md";
 
-/// The nine, and those of a kind together.
+/// The nine towns, and all of a kind together.
 const SCENES: [&str; 12] = [
     "town01",
     "town10hd",
@@ -30,14 +28,16 @@ const SCENES: [&str; 12] = [
     "unstructured-towns",
 ];
 
-/// Pairs that a scene has, of the paper's numbers (Sec. 4.1).
+/// Numbers of pairs of a scene, as in the paper (Sec. 4.1).
 const PAIRS: [&str; 2] = ["data.train_pairs=10", "data.test_pairs=100"];
 
+/// Measures every scene and writes the table.
+///
 /// # Errors
 ///
-/// When a set cannot be made or read, or the page not be written.
+/// When a set cannot be made or read, or the page cannot be written.
 pub(crate) fn run() -> Result<()> {
-    cargo(["build", "--release", "--package", "echoloop-app", "--bin", "echoloop"])?;
+    build_release()?;
     let folder = built(&workspace()?).join("towns");
     std::fs::create_dir_all(&folder).with_context(|| format!("{}", folder.display()))?;
     let mut rows = String::new();
@@ -60,7 +60,7 @@ least distance |
     write_page(PAGE, "cargo xtask towns", &text)
 }
 
-/// A row of the table, and the seconds that the first column has.
+/// Row of the table, and the seconds of its first column.
 fn measured(scene: &str, folder: &Path) -> Result<(String, f64)> {
     let kept = folder.join(format!("{scene}.pairs"));
     let sets = PAIRS.iter().flat_map(|set| ["--set", set]);
@@ -81,13 +81,10 @@ fn row(scene: &str, traced_s: f64, read_s: f64, document: &Value) -> String {
     let megabytes = number(&document["bytes"]) / 1e6;
     let overlap = number(&document["set"]["test"]["overlap"][2]);
     let apart_m = number(&document["set"]["least_apart_m"]);
-    let mut text = String::new();
-    let _ = writeln!(
-        text,
+    format!(
         "| `{scene}` | {traced_s:.1} s | {megabytes:.1} MB | {read_s:.1} s | {overlap:.2} | \
-         {apart_m:.1} m |"
-    );
-    text
+         {apart_m:.1} m |\n"
+    )
 }
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
-//! The machines that the cost is counted on.
+//! Machines on which the cost is counted.
 
 use crate::target::{ARMV7EM, ARMV8M, CORTEX_M55, RV32, Target};
 
-/// A processor, and how QEMU runs an image on it.
+/// A processor, and QEMU's machine with it.
 pub(super) struct Machine {
     pub(super) processor: &'static str,
     pub(super) target: Target,
     pub(super) emulator: &'static str,
-    /// Debian's name of what the emulator is in.
+    /// Debian's package of the emulator.
     pub(super) package: &'static str,
     pub(super) machine: &'static str,
     /// Nanoseconds an instruction takes, as a power of two: SysTick sees 64, minstret is scaled by

@@ -1,4 +1,4 @@
-//! The page that is drawn from the table, and the aims that it names.
+//! Page of the table, and the aims on it.
 
 use std::fmt::Write;
 
@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 use super::machine::{MACHINES, Machine};
 use super::table::{TABLE, TOLERANCE_PERCENT, Table};
 
-/// Where it lies.
+/// The page.
 pub(super) const PAGE: &str = "benches/record/cost.md";
 
 /// Instructions a sample of CMSIS-DSP's FIR filters: 256 samples, 16 taps, Cortex-M4, counted the
@@ -18,18 +18,18 @@ const CMSIS: [(&str, f64); 2] = [
 ];
 /// The faster of them.
 pub(super) const CMSIS_FAST: f64 = 30.9;
-/// The case that the aims are about.
+/// Case of the aims.
 const CASE: &str = "256x16 one echo";
-/// The processor and the kernel that CMSIS-DSP's figures compare with.
+/// Processor and kernel beside CMSIS-DSP's figures.
 const M4: (&str, &str) = ("cortex-m4", "dual_multiply");
-/// Those that take eight samples at a time.
+/// Processor and kernel that take eight samples at a time.
 const M55: (&str, &str) = ("cortex-m55", "mve");
-/// The whole pipeline's aim: this many times the reference of its filter alone.
+/// Aim of the whole pipeline, as a multiple of CMSIS-DSP's filter.
 const PIPELINE_AIM: f64 = 1.5;
-/// Eight at a time against two: this much of the filter and of the pipeline.
+/// Aims with eight samples at a time, as shares of the filter and of the pipeline with two.
 const VECTOR_AIMS: (f64, f64) = (1.0 / 3.0, 0.5);
 
-/// What a search costs that begins at the wrong place, counted once with the guess of
+/// Cost of a search for the median that begins off it, counted once with the guess of
 /// `firmware/image/src/bin/cost/stages.rs` moved by 1, 4 and 40 codes.
 const ASTRAY: &str = "\n\
     `mve` looks for the median where the last waveform had it, and finds it in one pass within\n\
@@ -42,7 +42,7 @@ fn samples(case: &str) -> Result<f64> {
     digits.parse().with_context(|| format!("no samples in the name of case {case:?}"))
 }
 
-/// Instructions a sample of the case that the aims are about.
+/// Instructions a sample in [`CASE`].
 fn per_sample(table: &Table, (processor, kernel): (&str, &str), stage: &str) -> Result<f64> {
     let counted = table.get(processor, kernel, CASE, stage);
     let instructions =
@@ -50,105 +50,69 @@ fn per_sample(table: &Table, (processor, kernel): (&str, &str), stage: &str) -> 
     Ok(instructions as f64 / samples(CASE)?)
 }
 
-/// Instructions a sample that may not be more than some.
-struct Aim {
-    what: &'static str,
+/// A bound on the instructions a sample.
+pub(super) struct Aim {
+    title: &'static str,
     is: f64,
     at_most: f64,
 }
 
 impl Aim {
-    fn is_held(&self) -> bool {
-        self.is <= self.at_most
-    }
-
     fn verdict(&self) -> &'static str {
-        if self.is_held() { "held" } else { "**not held**" }
-    }
-}
-
-/// What the record is held to.
-pub(super) struct Aims {
-    filter: Aim,
-    pipeline: Aim,
-    vector_filter: Aim,
-    vector_pipeline: Aim,
-}
-
-impl Aims {
-    /// Reads them from a table.
-    ///
-    /// # Errors
-    ///
-    /// When the compared case is not in it.
-    pub(super) fn from_table(table: &Table) -> Result<Self> {
-        let (m4_filter, m4_pipeline) =
-            (per_sample(table, M4, "filter")?, per_sample(table, M4, "pipeline")?);
-        let (of_filter, of_pipeline) = VECTOR_AIMS;
-        Ok(Self {
-            filter: Aim { what: "the filter", is: m4_filter, at_most: CMSIS_FAST },
-            pipeline: Aim {
-                what: "the pipeline",
-                is: m4_pipeline,
-                at_most: PIPELINE_AIM * CMSIS_FAST,
-            },
-            vector_filter: Aim {
-                what: "the filter on a Cortex-M55",
-                is: per_sample(table, M55, "filter")?,
-                at_most: of_filter * m4_filter,
-            },
-            vector_pipeline: Aim {
-                what: "the pipeline on a Cortex-M55",
-                is: per_sample(table, M55, "pipeline")?,
-                at_most: of_pipeline * m4_pipeline,
-            },
-        })
+        if self.is <= self.at_most { "held" } else { "**not held**" }
     }
 
     /// # Errors
     ///
-    /// Says which aim is missed.
+    /// When it is not held.
     pub(super) fn check(&self) -> Result<()> {
-        let Self { filter, pipeline, vector_filter, vector_pipeline } = self;
-        for aim in [filter, pipeline, vector_filter, vector_pipeline] {
-            let Aim { what, is, at_most } = aim;
-            ensure!(
-                aim.is_held(),
-                "{what} takes {is:.2} instructions a sample, the aim is {at_most:.2}"
-            );
-        }
+        let Self { title, is, at_most } = self;
+        ensure!(
+            is <= at_most,
+            "{title} takes {is:.2} instructions a sample, the aim is {at_most:.2}"
+        );
         Ok(())
     }
+}
 
-    /// The aims as a sentence of the page, and whether they are held.
-    fn sentence(&self) -> String {
-        let Self { filter, pipeline, .. } = self;
-        format!(
-            "Aims: filter at most {CMSIS_FAST}: {}.\n\
-             Whole pipeline with one echo at most {PIPELINE_AIM} times that, {:.1}: {} ({:.1}).",
-            filter.verdict(),
-            pipeline.at_most,
-            pipeline.verdict(),
-            pipeline.is
-        )
-    }
+/// Aims of the filter and the pipeline on a Cortex-M4, then of both on a Cortex-M55.
+///
+/// # Errors
+///
+/// When the compared case is not in the table.
+pub(super) fn aims(table: &Table) -> Result<[Aim; 4]> {
+    let counted = |on, stage| per_sample(table, on, stage);
+    let aim = |title, is, at_most| Aim { title, is, at_most };
+    let [filter, pipeline] = [counted(M4, "filter")?, counted(M4, "pipeline")?];
+    let (of_filter, of_pipeline) = VECTOR_AIMS;
+    Ok([
+        aim("the filter", filter, CMSIS_FAST),
+        aim("the pipeline", pipeline, PIPELINE_AIM * CMSIS_FAST),
+        aim("the filter on a Cortex-M55", counted(M55, "filter")?, of_filter * filter),
+        aim("the pipeline on a Cortex-M55", counted(M55, "pipeline")?, of_pipeline * pipeline),
+    ])
+}
 
-    /// Two samples at a time beside eight.
-    fn beside_vectors(&self) -> String {
-        let Self { filter, pipeline, vector_filter, vector_pipeline } = self;
-        let mut text = String::from(
-            "## Two samples at a time and eight\n\n\
-             The same case, instructions per sample. `mve` is for Armv8.1-M's vector unit.\n\n\
-             | | Cortex-M4, `dual_multiply` | Cortex-M55, `mve` | aim | |\n|---|---|---|---|---|\n",
-        );
-        for (name, two, eight) in
-            [("filter", filter, vector_filter), ("pipeline", pipeline, vector_pipeline)]
-        {
-            let (is, at_most, verdict) = (eight.is, eight.at_most, eight.verdict());
-            text += &format!("| {name} | {:.1} | {is:.1} | {at_most:.1} | {verdict} |\n", two.is);
-        }
-        text + ASTRAY
-    }
+/// The aims as a sentence of the page, with their verdicts, and two samples at a time beside eight.
+fn verdicts([filter, pipeline, vector_filter, vector_pipeline]: &[Aim; 4]) -> String {
+    let row = |name: &str, two: &Aim, eight: &Aim| {
+        let (is, at_most, verdict) = (eight.is, eight.at_most, eight.verdict());
+        format!("| {name} | {:.1} | {is:.1} | {at_most:.1} | {verdict} |\n", two.is)
+    };
+    format!(
+        "Aims: filter at most {CMSIS_FAST}: {}.\n\
+         Whole pipeline with one echo at most {PIPELINE_AIM} times that, {:.1}: {} ({:.1}).\n\n\
+         ## Two samples at a time and eight\n\n\
+         The same case, instructions per sample. `mve` is for Armv8.1-M's vector unit.\n\n\
+         | | Cortex-M4, `dual_multiply` | Cortex-M55, `mve` | aim | |\n|---|---|---|---|---|\n\
+         {}{}{ASTRAY}",
+        filter.verdict(),
+        pipeline.at_most,
+        pipeline.verdict(),
+        pipeline.is,
+        row("filter", filter, vector_filter),
+        row("pipeline", pipeline, vector_pipeline),
+    )
 }
 
 /// The table as a page to read, per sample.
@@ -159,16 +123,14 @@ impl Aims {
 pub(super) fn draw(table: &Table) -> Result<String> {
     let mut page = head(&table.measured_with);
     page += &beside_cmsis(table)?;
-    let aims = Aims::from_table(table)?;
-    write!(page, "\n{}\n\n{}", aims.sentence(), aims.beside_vectors())?;
+    write!(page, "\n{}", verdicts(&aims(table)?))?;
     let mut drawn: Vec<(&str, String)> = Vec::new();
     for Machine { processor, target, emulator, machine, .. } in &MACHINES {
         let figures = stages(table, processor)?;
-        let same = drawn.iter().find(|(_, other)| *other == figures);
-        let shown = same.map_or_else(
-            || figures.clone(),
-            |(other, _)| format!("The same as {other}, which runs the same image.\n"),
-        );
+        let shown = match drawn.iter().find(|(_, other)| *other == figures) {
+            Some((other, _)) => format!("The same as {other}, which runs the same image.\n"),
+            None => figures.clone(),
+        };
         let on = format!("`{}` on `{emulator} -M {machine}`", target.name);
         write!(page, "\n## {processor}\n\n{on}, instructions per sample.\n\n{shown}")?;
         drawn.push((processor, figures));
@@ -189,7 +151,7 @@ fn head(measured_with: &str) -> String {
     )
 }
 
-/// Our filter and theirs, one row each.
+/// A row for our filter by each kernel, and for each of CMSIS-DSP's.
 fn beside_cmsis(table: &Table) -> Result<String> {
     let mut text = String::from(
         "## The filter beside CMSIS-DSP\n\n\
@@ -210,39 +172,22 @@ fn beside_cmsis(table: &Table) -> Result<String> {
     Ok(text)
 }
 
-/// A row of a processor's table: a case, a kernel, and the instructions of each stage.
-struct Row<'a> {
-    case: &'a str,
-    kernel: &'a str,
-    stages: Vec<(&'a str, u64)>,
-}
-
-/// One processor's figures: a row for each case and kernel, a column for each stage.
+/// Table of a processor: a row for each case and kernel, a column for each stage.
 fn stages(table: &Table, processor: &str) -> Result<String> {
-    let mut rows: Vec<Row> = Vec::new();
-    for ([_, kernel, case, stage], instructions) in
-        table.figures.iter().filter(|(name, _)| name[0] == processor)
-    {
-        match rows.last_mut().filter(|row| row.case == case && row.kernel == kernel) {
-            Some(row) => row.stages.push((stage, *instructions)),
-            None => rows.push(Row { case, kernel, stages: vec![(stage, *instructions)] }),
-        }
-    }
-    let Some(first) = rows.first() else { return Ok("Not counted.\n".to_owned()) };
-    let titles: Vec<&str> = first.stages.iter().map(|(stage, _)| *stage).collect();
+    let of_it = || table.figures.iter().filter(|(name, _)| name[0] == processor);
+    let mut rows = of_it().map(|([_, kernel, case, _], _)| (case, kernel)).collect::<Vec<_>>();
+    rows.dedup();
+    let of_row = |row| of_it().filter(move |([_, kernel, case, _], _)| (case, kernel) == row);
+    let Some(&first) = rows.first() else { return Ok("Not counted.\n".to_owned()) };
+    let titles: Vec<&str> = of_row(first).map(|([.., stage], _)| &**stage).collect();
     let rule = "---|".repeat(titles.len());
     let mut text =
         format!("| samples × taps | kernel | {} |\n|---|---|{rule}\n", titles.join(" | "));
-    for Row { case, kernel, stages } in rows {
+    for (case, kernel) in rows {
         let n = samples(case)?;
-        let cells: Vec<String> =
-            stages.iter().map(|(_, count)| format!("{:.2}", *count as f64 / n)).collect();
-        writeln!(
-            text,
-            "| {} | `{kernel}` | {} |",
-            case.replacen('x', " × ", 1),
-            cells.join(" | ")
-        )?;
+        let counts = of_row((case, kernel)).map(|(_, count)| format!("{:.2}", *count as f64 / n));
+        let (case, counts) = (case.replacen('x', " × ", 1), counts.collect::<Vec<_>>().join(" | "));
+        writeln!(text, "| {case} | `{kernel}` | {counts} |")?;
     }
     Ok(text)
 }
@@ -257,6 +202,6 @@ mod tests {
         let read = |path| std::fs::read_to_string(workspace().unwrap().join(path)).unwrap();
         let table = Table::from_text(&read(TABLE)).unwrap();
         assert_eq!(draw(&table).unwrap(), read(PAGE), "cargo xtask cost --update");
-        Aims::from_table(&table).unwrap().check().unwrap();
+        aims(&table).unwrap().iter().for_each(|aim| aim.check().unwrap());
     }
 }

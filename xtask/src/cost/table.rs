@@ -1,21 +1,21 @@
-//! The table of figures, and what two of them differ in.
+//! Table of figures, and the differences of two.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{Result, bail};
 
-/// Where it lies.
+/// The table.
 pub(super) const TABLE: &str = "firmware/image/cost.tsv";
 
-/// A figure may grow by this much before it fails.
+/// Greatest growth of a figure that passes.
 pub(super) const TOLERANCE_PERCENT: u64 = 2;
-/// … or by this many instructions, where that is more: the clock's resolution.
+/// The same in instructions, where that is more: the clock's resolution.
 const TOLERANCE_INSTRUCTIONS: u64 = 2;
 
-/// Processor, kernel, case, stage: what a figure is of.
+/// Processor, kernel, case and stage of a figure.
 pub(super) type Name = [String; 4];
 
-/// Instructions per waveform, and with what they were counted.
+/// Instructions per waveform, and the tools that counted them.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Table {
     /// Versions and date, one line.
@@ -58,12 +58,12 @@ impl Table {
         text
     }
 
-    /// The compiler that it was counted with.
+    /// Compiler of the counted images.
     pub(super) fn compiler(&self) -> &str {
         self.measured_with.split(", ").next().unwrap_or_default()
     }
 
-    /// Adds the other table's figures of all processors that this one has none of.
+    /// Adds another table's figures of processors that this one lacks.
     pub(super) fn complete(&mut self, other: &Self) {
         let own: BTreeSet<String> =
             self.figures.iter().map(|([processor, ..], _)| processor.clone()).collect();
@@ -83,7 +83,8 @@ impl Table {
     }
 }
 
-/// What grew by more than the tolerance, or came or went; and what shrank by more.
+/// Figures that grew by more than the tolerance, appeared or disappeared; then those that shrank by
+/// more.
 pub(super) fn compare(committed: &Table, counted: &Table) -> (Vec<String>, Vec<String>) {
     let old: BTreeMap<&Name, u64> = committed.figures.iter().map(|(name, n)| (name, *n)).collect();
     let new: BTreeMap<&Name, u64> = counted.figures.iter().map(|(name, n)| (name, *n)).collect();

@@ -7,6 +7,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::page::prints;
+use crate::record::with_commas;
 
 /// `benches/record/figures.toml`.
 #[derive(Debug, Deserialize)]
@@ -16,23 +17,24 @@ pub(super) struct Book {
     pub(super) figure: Vec<Figure>,
 }
 
-/// Something that is run once, for all figures that it makes.
+/// A run, made once for all its figures.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Run {
     pub(super) name: String,
     pub(super) kind: Kind,
-    /// Day and code of what is recorded. On one line of the file, which `--update` rewrites.
+    /// Day, commit and compiler of the recorded values. A line of the file, which `--update`
+    /// rewrites.
     pub(super) measured: String,
-    /// Of the program `echoloop`, without `--json`. `$ECHOLOOP_DATA` stands for that folder.
+    /// Arguments of `echoloop`, without `--json`. `$ECHOLOOP_DATA` stands for that folder.
     #[serde(default)]
     pub(super) arguments: Vec<String>,
-    /// Longer than two minutes: only with `--all`.
+    /// True when it takes more than two minutes: then only with `--all`.
     #[serde(default)]
     pub(super) slow: bool,
 }
 
-/// What makes the figures of a run.
+/// Kind of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Kind {
@@ -40,7 +42,7 @@ pub(super) enum Kind {
     Echoloop,
     /// The sensor's images: `/TARGET/flash`, `statics` or `stack`, bytes.
     Images,
-    /// What `cargo xtask cost` counts, instructions a waveform: `/PROCESSOR/KERNEL/CASE/STAGE`.
+    /// Counts of `cargo xtask cost`, instructions a waveform: `/PROCESSOR/KERNEL/CASE/STAGE`.
     Cost,
 }
 
@@ -49,28 +51,28 @@ pub(super) enum Kind {
 #[serde(deny_unknown_fields)]
 pub(super) struct Figure {
     pub(super) name: String,
-    /// Name of the run that makes them.
+    /// Name of their run.
     pub(super) run: String,
     pub(super) values: BTreeMap<String, Place>,
-    /// Each as it is printed. On one line of the file, which `--update` rewrites.
+    /// Each as it is printed. A line of the file, which `--update` rewrites.
     pub(super) recorded: BTreeMap<String, String>,
     pub(super) printed: Vec<Printed>,
 }
 
-/// Where a value stands in a run's output, and how it is printed.
+/// Place of a value in a run's output, and its printed form.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Place {
     /// JSON pointer (RFC 6901).
     at: String,
-    /// The printed number is that many times the one in the output.
+    /// Factor from the output's number to the printed one.
     #[serde(default = "one")]
     scale: f64,
     #[serde(default)]
     decimals: usize,
 }
 
-/// Where figures are printed.
+/// A text of a page that prints figures.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Printed {
@@ -88,7 +90,7 @@ impl Book {
         toml::from_str(text).map_err(Into::into)
     }
 
-    /// What pages should print and do not: page, figure and text. `read` gives a page's text.
+    /// Texts that pages lack: page, figure and text. `read` gives a page's text.
     pub(super) fn missing(&self, read: impl Fn(&str) -> Result<String>) -> Result<Vec<String>> {
         let mut missing = Vec::new();
         for figure in &self.figure {
@@ -125,26 +127,11 @@ impl Place {
             Some(Value::Null) => Ok("–".to_owned()),
             Some(Value::Number(number)) => {
                 let number = number.as_f64().context("a number")?;
-                Ok(print(number * self.scale, self.decimals))
+                Ok(with_commas(number * self.scale, self.decimals))
             }
             found => bail!("no number at {}: {found:?}", self.at),
         }
     }
-}
-
-/// With commas between thousands.
-fn print(number: f64, decimals: usize) -> String {
-    let plain = format!("{number:.decimals$}");
-    let (whole, fraction) = plain.split_once('.').map_or((&*plain, None), |(w, f)| (w, Some(f)));
-    let mut text = String::new();
-    for (index, digit) in whole.chars().enumerate() {
-        let left = whole.len() - index;
-        if index > 0 && left % 3 == 0 && !text.ends_with('-') {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    fraction.map_or_else(|| text.clone(), |fraction| format!("{text}.{fraction}"))
 }
 
 #[cfg(test)]

@@ -1,27 +1,26 @@
-//! The runs behind the figures, each as one JSON value.
+//! Runs of the figures, each with one JSON value for its output.
 
 use std::collections::BTreeMap;
 use std::env;
 use std::path::Path;
-use std::process::{Command, Stdio};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use serde_json::{Map, Value, json};
 
 use super::book::{Kind, Run};
-use crate::day::today;
-use crate::shell::{built, cargo, first_line};
+use crate::record::printed;
+use crate::shell::{build_release, built, echoloop, first_line, today};
 use crate::{cost, firmware};
 
-/// Runs each; what cannot be run on this machine is skipped aloud.
+/// Outputs of runs by name. A run that this machine cannot make is reported and left out.
 pub(super) fn all(root: &Path, runs: &[&Run]) -> Result<BTreeMap<String, Value>> {
     if runs.iter().any(|run| run.kind == Kind::Echoloop) {
-        cargo(["build", "--release", "--package", "echoloop-app", "--bin", "echoloop"])?;
+        build_release()?;
     }
     let mut measured = BTreeMap::new();
     for run in runs {
         let output = match run.kind {
-            Kind::Echoloop => echoloop(root, run)?,
+            Kind::Echoloop => of_echoloop(root, run)?,
             Kind::Images => images()?,
             Kind::Cost => cost::counted()?,
         };
@@ -30,7 +29,7 @@ pub(super) fn all(root: &Path, runs: &[&Run]) -> Result<BTreeMap<String, Value>>
     Ok(measured)
 }
 
-/// Day, commit and compiler of a run that was just made; an update makes sure that it is that code.
+/// Day, commit and compiler of a run just made. An update refuses changed code before.
 pub(super) fn stamp(run: &Run) -> Result<String> {
     let code = first_line("git", &["describe", "--always", "--exclude", "*"])?;
     let compiler = match run.kind {
@@ -43,8 +42,8 @@ pub(super) fn stamp(run: &Run) -> Result<String> {
     Ok(format!("{}, {code}, {compiler}", today()))
 }
 
-/// What the program prints; `None` when the run needs data that are not here.
-fn echoloop(root: &Path, run: &Run) -> Result<Option<Value>> {
+/// Output of `echoloop`; `None` when the run needs data that are not here.
+fn of_echoloop(root: &Path, run: &Run) -> Result<Option<Value>> {
     const DATA: &str = "$ECHOLOOP_DATA";
     let data = env::var("ECHOLOOP_DATA").ok();
     if data.is_none() && run.arguments.iter().any(|argument| argument.contains(DATA)) {
@@ -53,15 +52,12 @@ fn echoloop(root: &Path, run: &Run) -> Result<Option<Value>> {
     }
     let data = data.unwrap_or_default();
     let arguments = run.arguments.iter().map(|argument| argument.replace(DATA, &data));
-    let mut command = Command::new(built(root).join("release/echoloop"));
-    command.current_dir(root).args(arguments).args(["--json", "--quiet"]);
+    let mut command = echoloop()?;
+    command.args(arguments).args(["--json", "--quiet"]);
     if run.arguments.first().is_some_and(|command| command == "tune") {
         command.arg("--runs").arg(built(root).join("figures"));
     }
-    eprintln!("+ {command:?}");
-    let output = command.stderr(Stdio::inherit()).output().context("cannot run echoloop")?;
-    ensure!(output.status.success(), "{}: echoloop failed", run.name);
-    Ok(Some(serde_json::from_slice(&output.stdout).context("echoloop prints JSON")?))
+    printed(&mut command).map(Some).with_context(|| run.name.clone())
 }
 
 /// Sizes of the images; `None` when one cannot be built here.

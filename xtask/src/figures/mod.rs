@@ -1,13 +1,11 @@
 //! `cargo xtask figures`: the figures that README and docs print, measured again.
 //!
-//! `benches/record/figures.toml` lists them: the run that makes them, where they stand in its
-//! output, what was recorded, and the lines of the pages that print them. Two things may differ,
-//! and each is a failure: the run from the record, and the page from the record. A run that this
-//! machine cannot make is skipped aloud; a failure where it was asked for by name, where `CI` is
-//! set, and where nothing is left to compare.
+//! `benches/record/figures.toml` lists their runs, their places in the output, the recorded values
+//! and the lines of the pages that print them. A run that differs from the record is a failure, and
+//! so is a page. A run that this machine cannot make is reported and skipped; that fails where it
+//! was named by `--only`, where `CI` is set, and where nothing is left to compare.
 
 mod book;
-mod compared;
 mod measure;
 mod page;
 mod update;
@@ -20,31 +18,38 @@ use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
 use crate::shell::{output, workspace};
-use book::{Book, Run};
-use compared::Compared;
+use book::{Book, Figure, Run};
 
 const BOOK: &str = "benches/record/figures.toml";
 
-/// What to measure.
+/// Runs to make.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Figures {
-    /// Also what takes longer than two minutes.
+    /// Also the runs that take more than two minutes.
     #[arg(long)]
     all: bool,
     /// Only this run of the list; may be repeated.
     #[arg(long, value_name = "RUN")]
     only: Vec<String>,
-    /// Writes what was measured into the list and the pages instead.
+    /// Write the measured values into the list and the pages instead.
     #[arg(long)]
     update: bool,
 }
 
-/// Measures, compares with the record and the record with the pages.
+/// A value of a figure, measured again.
+struct Compared<'a> {
+    figure: &'a Figure,
+    value: &'a str,
+    recorded: &'a str,
+    measured: String,
+}
+
+/// Makes the runs, and compares them with the record and the record with the pages.
 ///
 /// # Errors
 ///
-/// When a run fails or a skipped one had to be made, a measured figure is not the recorded one, or
-/// a page prints another; with `--update`, when that is still so after writing.
+/// When a run fails or a skipped one had to be made, or when a measured value or a page differs
+/// from the record; with `--update`, when one still does after writing.
 pub(crate) fn run(asked: &Figures) -> Result<()> {
     let root = workspace()?;
     let book = read(&root)?;
@@ -67,8 +72,8 @@ pub(crate) fn run(asked: &Figures) -> Result<()> {
     judge(&root, &read(&root)?, &measured)
 }
 
-/// Fails where the code is not the commit's that a stamp would name. What an update writes may have
-/// changed: the list and the pages.
+/// Fails where the code is not that of the commit that a stamp would name. The list and the pages,
+/// which an update writes, may have changed.
 fn refuse_changed_code(book: &Book) -> Result<()> {
     let status = output("git", &["status", "--porcelain", "--untracked-files=no"])?;
     let changed = changed_code(&status, book);
@@ -76,7 +81,7 @@ fn refuse_changed_code(book: &Book) -> Result<()> {
     Ok(())
 }
 
-/// Files that `git status --porcelain` names and an update does not write.
+/// Files that `git status --porcelain` names, but for those that an update writes.
 fn changed_code<'a>(status: &'a str, book: &Book) -> Vec<&'a str> {
     let pages = book.figure.iter().flat_map(|figure| &figure.printed);
     let written: Vec<&str> = pages.map(|printed| &*printed.page).chain([BOOK]).collect();
@@ -92,10 +97,10 @@ fn refuse_gaps(compared: usize, skipped: &[&Run], strict: bool) -> Result<()> {
     Ok(())
 }
 
-/// Holds the record, as the file has it now, to what was measured, and the pages to the record.
+/// Compares the record, as the file has it now, with the runs, and the pages with the record.
 fn judge(root: &Path, book: &Book, measured: &BTreeMap<String, Value>) -> Result<()> {
     let rows = compare(book, measured)?;
-    let wrong = rows.iter().filter(|row| !row.same()).count();
+    let wrong = rows.iter().filter(|row| row.recorded != row.measured).count();
     let missing = book.missing(|page| text(root, page))?;
     ensure!(
         wrong == 0 && missing.is_empty(),
@@ -125,7 +130,7 @@ fn text(root: &Path, path: &str) -> Result<String> {
 }
 
 impl Figures {
-    /// The runs that were asked for: named ones, or all that are not slow.
+    /// Runs named by `--only`; without it all, or all but the slow ones.
     fn chosen<'a>(&self, book: &'a Book) -> Result<Vec<&'a Run>> {
         for name in &self.only {
             let known: Vec<&str> = book.run.iter().map(|run| run.name.as_str()).collect();
@@ -139,7 +144,7 @@ impl Figures {
     }
 }
 
-/// Every value of every figure whose run was measured.
+/// Every value of every figure whose run was made.
 fn compare<'a>(book: &'a Book, measured: &BTreeMap<String, Value>) -> Result<Vec<Compared<'a>>> {
     let mut rows = Vec::new();
     for figure in &book.figure {
@@ -155,7 +160,7 @@ fn compare<'a>(book: &'a Book, measured: &BTreeMap<String, Value>) -> Result<Vec
 
 fn print(row: &Compared<'_>) {
     let Compared { figure, value, recorded, measured } = row;
-    let verdict = if row.same() { "" } else { "  <-- differs" };
+    let verdict = if recorded == measured { "" } else { "  <-- differs" };
     println!("{:<44} {value:<14} {recorded:>12} {measured:>12}{verdict}", figure.name);
 }
 
@@ -171,8 +176,11 @@ mod tests {
     }
 
     #[test]
-    fn every_figure_is_of_a_run_of_the_list_and_has_what_it_prints() {
+    fn every_figure_is_of_a_run_of_the_list_and_has_what_it_prints_and_every_run_makes_one() {
         let book = read(&workspace().unwrap()).unwrap();
+        for run in &book.run {
+            assert!(book.figure.iter().any(|figure| figure.run == run.name), "{}", run.name);
+        }
         for figure in &book.figure {
             assert!(book.run.iter().any(|run| run.name == figure.run), "{}", figure.name);
             let recorded: Vec<_> = figure.recorded.keys().collect();
@@ -182,14 +190,6 @@ mod tests {
                 assert!(!line.contains('{'), "{}: {line}", figure.name);
                 assert!(printed.text.contains('{'), "{}: {line} has no figure", figure.name);
             }
-        }
-    }
-
-    #[test]
-    fn every_run_makes_a_figure() {
-        let book = read(&workspace().unwrap()).unwrap();
-        for run in &book.run {
-            assert!(book.figure.iter().any(|figure| figure.run == run.name), "{}", run.name);
         }
     }
 

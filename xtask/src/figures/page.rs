@@ -1,13 +1,13 @@
-//! Where a page prints a text: as it stands, its first and last numbers whole.
+//! Places of a text on a page, with its first and last numbers whole.
 
 use std::ops::Range;
 
-/// Whether a page prints a text.
+/// True when a page prints a text.
 pub(super) fn prints(page: &str, text: &str) -> bool {
     places(page, text).next().is_some()
 }
 
-/// The page with another text wherever it prints this one; `None` when it nowhere does.
+/// The page with a text replaced by another; `None` when it does not print it.
 pub(super) fn replace(page: &str, old: &str, new: &str) -> Option<String> {
     let places: Vec<_> = places(page, old).collect();
     let mut text = page.to_owned();
@@ -17,14 +17,14 @@ pub(super) fn replace(page: &str, old: &str, new: &str) -> Option<String> {
     (!places.is_empty()).then_some(text)
 }
 
-/// Where a page prints a text: "5.0 %" does not stand in "25.0 %".
+/// Places where a page prints a text: "5.0 %" does not stand in "25.0 %".
 fn places(page: &str, text: &str) -> impl Iterator<Item = Range<usize>> {
     page.match_indices(text)
         .map(|(begin, found)| begin..begin + found.len())
         .filter(|place| !begins_inside(page, place.start) && !ends_inside(page, place.end))
 }
 
-/// Whether a number goes on at this place that began before it. A sign belongs to it.
+/// True when a place lies inside a number that began before it. A sign belongs to a number.
 fn begins_inside(page: &str, at: usize) -> bool {
     let mut before = page[..at].chars().rev();
     page[at..].starts_with(digit)
@@ -35,7 +35,7 @@ fn begins_inside(page: &str, at: usize) -> bool {
         }
 }
 
-/// Whether a number that began before this place goes on after it. A point may end a sentence.
+/// True when a number that began before a place goes on after it. A point may end a sentence.
 fn ends_inside(page: &str, at: usize) -> bool {
     let mut after = page[at..].chars();
     page[..at].ends_with(digit)

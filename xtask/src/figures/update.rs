@@ -6,16 +6,16 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
+use super::Compared;
 use super::book::{Book, Figure, Printed, Run, fill};
-use super::compared::Compared;
 use super::page::replace;
 
-/// Writes what was measured where the recorded values stand, and when for the runs that were made:
-/// each with its stamp.
+/// Replaces recorded values by measured ones in the list and the pages, and the stamps of the runs
+/// made.
 ///
 /// # Errors
 ///
-/// When a page does not print what was recorded: then nobody knows where the new figure belongs.
+/// When a page does not print the recorded value, so that the place of the new one is unknown.
 pub(super) fn write(
     root: &Path,
     list: &str,
@@ -49,7 +49,7 @@ fn values(figure: &Figure, rows: &[Compared<'_>]) -> BTreeMap<String, String> {
     values
 }
 
-/// Files that are read once and written at the end, all or none.
+/// Files that are read once and written at the end.
 struct Texts<'a> {
     root: &'a Path,
     changed: BTreeMap<String, String>,

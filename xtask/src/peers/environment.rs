@@ -1,4 +1,4 @@
-//! A Python with just the packages that are asked for.
+//! Python environments with exactly the required packages.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -7,8 +7,8 @@ use anyhow::{Context, Result, bail};
 
 use crate::shell::{on_path, succeed};
 
-/// The Python of an environment that holds exactly these packages; made where there is none, and
-/// again when they change.
+/// Python of an environment with exactly these packages, which is made where there is none and when
+/// they change.
 pub(super) fn environment(folder: &Path, requirements: &Path) -> Result<PathBuf> {
     let python = interpreter(folder);
     if holds(folder, requirements)? {
@@ -28,14 +28,14 @@ pub(super) fn environment(folder: &Path, requirements: &Path) -> Result<PathBuf>
     Ok(python)
 }
 
-/// Whether an environment holds exactly these packages.
+/// True when an environment holds exactly these packages.
 pub(super) fn holds(folder: &Path, requirements: &Path) -> Result<bool> {
     let wanted = std::fs::read(requirements)
         .with_context(|| format!("cannot read {}", requirements.display()))?;
     Ok(std::fs::read(installed(folder)).is_ok_and(|found| found == wanted))
 }
 
-/// Where an environment says what was installed.
+/// List of the packages installed in an environment.
 fn installed(folder: &Path) -> PathBuf {
     folder.join("requirements.txt")
 }

@@ -1,4 +1,4 @@
-//! Optimisers of others in our loop: host/app/searches, as a user would run them.
+//! Other optimisers in our loop: the scripts of host/app/searches, run as a user would.
 
 use std::env;
 use std::io::Write;
@@ -9,11 +9,11 @@ use anyhow::{Context, Result, anyhow, ensure};
 use serde_json::Value;
 
 use super::environment::environment;
-use crate::shell::{build_as_tested, built, workspace};
+use crate::shell::{build_as_tested, built};
 
 const SCRIPTS: [&str; 3] = ["pycma_search.py", "optuna_search.py", "nevergrad_search.py"];
 
-/// A small town, two lengths, a choice and a count: all that axes can be.
+/// A small town, and axes of every kind: lengths, a choice, a count.
 const FLAGS: &[&str] = &[
     "--set=scene.towns=[1]",
     "--set=scanner.columns=48",
@@ -28,18 +28,17 @@ const FLAGS: &[&str] = &[
     "--tune=registration.voxel_m",
 ];
 
-/// Installs the optimisers and has each search.
+/// Installs the optimisers, and runs a search of each.
 ///
 /// # Errors
 ///
 /// When one cannot be installed, does not run, or finds nothing better than the start.
-pub(crate) fn run() -> Result<()> {
-    let root = workspace()?;
+pub(crate) fn run(root: &Path) -> Result<()> {
     let scripts = root.join("host/app/searches");
     let folder = root.join("target/peers/venv-searches");
     let python = environment(&folder, &scripts.join("requirements.txt"))?;
     build_as_tested()?;
-    let ours = built(&root).join("debug");
+    let ours = built(root).join("debug");
     let start = answers(start(&ours)?)?;
     for script in SCRIPTS {
         let mut command = Command::new(&python);
@@ -52,7 +51,7 @@ pub(crate) fn run() -> Result<()> {
     Ok(())
 }
 
-/// What the loop says of the start.
+/// Answer of the loop to the start.
 fn start(ours: &Path) -> Result<Output> {
     let mut command = Command::new(ours.join("echoloop"));
     command.args(["evaluate", "--stream", "--quiet"]).args(FLAGS);
@@ -63,7 +62,7 @@ fn start(ours: &Path) -> Result<Output> {
     Ok(child.wait_with_output()?)
 }
 
-/// The fitness in the last line of an output.
+/// Fitness in the last line of an output.
 fn answers(output: Output) -> Result<f64> {
     let said = String::from_utf8_lossy(&output.stderr);
     ensure!(output.status.success(), "it failed: {said}");
