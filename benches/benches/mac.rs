@@ -4,13 +4,11 @@
 //! the matches of the method's own demonstration at both of its thresholds (scores above 0.999 and
 //! 0.99 at τ = 0.1 m); its C++ takes 7.8 s for the first.
 
-mod cpu;
-
 use std::hint::black_box;
 use std::path::PathBuf;
 
-use cpu::CpuTime;
 use criterion::{Criterion, criterion_group, criterion_main};
+use echoloop_benches::cpu::{CpuTime, on_one_thread};
 use echoloop_registration::features::PointPair;
 use echoloop_registration::pose::Pose;
 use echoloop_registration::{Mac, MacConfig};
@@ -78,7 +76,7 @@ fn mac(criterion: &mut Criterion<CpuTime>) {
 
 criterion_group! {
     name = benches;
-    config = cpu::on_one_thread(10);
+    config = on_one_thread(10);
     targets = mac
 }
 criterion_main!(benches);

@@ -3,13 +3,11 @@
 //! `synthetic/n` has clustered histograms. `ECHOLOOP_FEATURES=source.f32,target.f32` (33
 //! little-endian f32 a row) adds a pair of one's own.
 
-mod cpu;
-
 use std::hint::black_box;
 use std::path::Path;
 
-use cpu::CpuTime;
 use criterion::{Criterion, criterion_group, criterion_main};
+use echoloop_benches::cpu::{CpuTime, on_one_thread};
 use echoloop_registration::features::{DIMENSIONS, Features, matching};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -66,7 +64,7 @@ fn benches(criterion: &mut Criterion<CpuTime>) {
 
 criterion_group! {
     name = matching_benches;
-    config = cpu::on_one_thread(10);
+    config = on_one_thread(10);
     targets = benches
 }
 criterion_main!(matching_benches);

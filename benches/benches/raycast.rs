@@ -5,13 +5,11 @@
 //! library alone: its medium build, its traversal and its triangle test. `/build` builds the
 //! hierarchy, and `/scan` makes a whole scan, in beams per second.
 
-mod cpu;
-
 use std::hint::black_box;
 use std::time::Duration;
 
-use cpu::CpuTime;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use echoloop_benches::cpu::{CpuTime, on_one_thread};
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{BeamOptics, Scanner, sub_rays};
@@ -115,7 +113,7 @@ fn towns(criterion: &mut Criterion<CpuTime>) {
 
 criterion_group! {
     name = benches;
-    config = cpu::on_one_thread(10);
+    config = on_one_thread(10);
     targets = towns
 }
 criterion_main!(benches);

@@ -4,13 +4,11 @@
 //! `carla/71k` are the pairs of those names. `icp` and `gicp` align prepared clouds, as
 //! small_gicp's `align` does; `register` goes from points to motion.
 
-mod cpu;
-
 use std::hint::black_box;
 use std::path::PathBuf;
 
-use cpu::CpuTime;
 use criterion::{Criterion, criterion_group, criterion_main};
+use echoloop_benches::cpu::{CpuTime, on_one_thread};
 use echoloop_registration::cloud::{Cloud, normals, read_cloud, voxel};
 use echoloop_registration::pose::Pose;
 use echoloop_registration::suggest::suggest_gicp;
@@ -137,7 +135,7 @@ fn registration(criterion: &mut Criterion<CpuTime>) {
 
 criterion_group! {
     name = benches;
-    config = cpu::on_one_thread(30);
+    config = on_one_thread(30);
     targets = registration
 }
 criterion_main!(benches);

@@ -1,9 +1,9 @@
 //! Unbounded real numbers: the usual functions, from the usual starts.
 
-use echoloop_cmaes::{CmaEs, CmaEsConfig, CmaEsConfigError, Constants, StopReason, Stops};
+use echoloop_cmaes::{CmaEsConfig, CmaEsConfigError, Constants, Stops};
 
 use super::functions::{
-    bent_cigar, different_powers, ellipsoid, rosenbrock, sphere, turned_ellipsoid,
+    bent_cigar, different_powers, ellipsoid, evaluations, rosenbrock, sphere, turned_ellipsoid,
 };
 
 /// A function, with the start point and step size of its searches.
@@ -32,10 +32,6 @@ pub(crate) const FUNCTIONS: [Function; 6] = {
 
 impl Function {
     /// Evaluations to 1e-8, at most 2e4 n; `None` when the search ended before.
-    ///
-    /// # Errors
-    ///
-    /// None: the configurations can run.
     pub(crate) fn solve(
         &self,
         n: usize,
@@ -44,14 +40,7 @@ impl Function {
     ) -> Result<Option<usize>, CmaEsConfigError> {
         let stops = Stops { target: Some(1e-8), ..Stops::default() };
         let plain = CmaEsConfig::unit_cube(vec![self.start; n], self.sigma, seed);
-        let mut search = CmaEs::new(CmaEsConfig { bounded: false, constants, stops, ..plain })?;
-        let lambda = search.strategy().lambda;
-        while search.stop().is_none() && search.generation() as usize * lambda < 20_000 * n {
-            let values: Vec<f64> =
-                search.ask().iter().map(|c| (self.value)(&c.phenotype)).collect();
-            let _ = search.tell(&values);
-        }
-        let solved = search.stop() == Some(StopReason::Target);
-        Ok(solved.then_some(search.generation() as usize * lambda))
+        let config = CmaEsConfig { bounded: false, constants, stops, ..plain };
+        evaluations(config, 20_000 * n, self.value)
     }
 }

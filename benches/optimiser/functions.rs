@@ -1,4 +1,22 @@
-//! Test functions of the tables.
+//! Test functions of the tables, and the search of their minima.
+
+use echoloop_cmaes::{CmaEs, CmaEsConfig, CmaEsConfigError, StopReason};
+
+/// Evaluations that a search needs to its target; `None` when it ends before, or at `most`.
+pub(crate) fn evaluations(
+    config: CmaEsConfig,
+    most: usize,
+    value: impl Fn(&[f64]) -> f64,
+) -> Result<Option<usize>, CmaEsConfigError> {
+    let mut search = CmaEs::new(config)?;
+    let lambda = search.strategy().lambda;
+    while search.stop().is_none() && search.generation() as usize * lambda < most {
+        let values: Vec<f64> = search.ask().iter().map(|c| value(&c.phenotype)).collect();
+        let _ = search.tell(&values);
+    }
+    let solved = search.stop() == Some(StopReason::Target);
+    Ok(solved.then_some(search.generation() as usize * lambda))
+}
 
 /// Squared distance.
 pub(crate) fn sphere(x: &[f64]) -> f64 {

@@ -43,14 +43,18 @@ enum Table {
 const CONSTANTS: [(&str, Constants); 2] =
     [("tutorial", Constants::Tutorial), ("pycma", Constants::Pycma)];
 
+/// Row of a function in as many dimensions.
+fn row(function: &str, n: usize, who: &str, seed: u64, evaluations: Option<usize>) -> Value {
+    json!({ "function": function, "n": n, "who": who, "seed": seed, "evaluations": evaluations })
+}
+
 fn continuous(seed: u64) -> Result<Vec<Value>, Box<dyn Error>> {
     let mut rows = Vec::new();
     for function in continuous::FUNCTIONS {
         for n in [5, 10, 20] {
             for (who, constants) in CONSTANTS {
                 let evaluations = function.solve(n, seed, constants)?;
-                rows.push(json!({ "function": function.name, "n": n, "who": who, "seed": seed,
-                    "evaluations": evaluations }));
+                rows.push(row(function.name, n, who, seed, evaluations));
             }
         }
     }
@@ -67,8 +71,7 @@ fn mixed(seed: u64) -> Result<Vec<Value>, Box<dyn Error>> {
         for n in [20, 40] {
             for (who, coordinate) in told.into_iter().filter(|(who, _)| bits || *who != "names") {
                 let evaluations = function.solve(n, seed, coordinate)?;
-                rows.push(json!({ "function": function.name, "n": n, "who": who, "seed": seed,
-                    "evaluations": evaluations }));
+                rows.push(row(function.name, n, who, seed, evaluations));
             }
         }
     }

@@ -1,12 +1,10 @@
 //! Half real, half whole numbers or bits: the functions of "CMA-ES with Margin" (Hamano et al.,
 //! GECCO 2022), as defined in its authors' EvoConJP/CMA-ES_with_Margin.
 
-use echoloop_cmaes::{
-    CmaEs, CmaEsConfig, CmaEsConfigError, Constants, Coordinate, StopReason, Stops,
-};
+use echoloop_cmaes::{CmaEsConfig, CmaEsConfigError, Constants, Coordinate, Stops};
 use echoloop_random::Generator;
 
-use super::functions::{ellipsoid, sphere};
+use super::functions::{ellipsoid, evaluations, sphere};
 
 /// A function of real and whole parts.
 #[derive(Clone, Copy)]
@@ -40,10 +38,6 @@ impl Function {
     }
 
     /// Evaluations to 1e-10, at most min(1e4 n, 2e5); `None` when the search ended before.
-    ///
-    /// # Errors
-    ///
-    /// None: the configurations can run.
     pub(crate) fn solve(
         &self,
         n: usize,
@@ -63,16 +57,8 @@ impl Function {
         config.trust = 0.0;
         config.coordinates = [vec![Coordinate::Real; n / 2], vec![discrete; n / 2]].concat();
         config.stops = Stops { target: Some(1e-10), tol_x: 1e-15, ..Stops::default() };
-        let mut search = CmaEs::new(config)?;
-        let lambda = search.strategy().lambda;
-        let cap = (10_000 * n).min(200_000);
-        while search.stop().is_none() && search.generation() as usize * lambda < cap {
-            let values: Vec<f64> =
-                search.ask().iter().map(|c| self.evaluate(&self.point(&c.phenotype))).collect();
-            let _ = search.tell(&values);
-        }
-        let solved = search.stop() == Some(StopReason::Target);
-        Ok(solved.then_some(search.generation() as usize * lambda))
+        let most = (10_000 * n).min(200_000);
+        evaluations(config, most, |u| self.evaluate(&self.point(u)))
     }
 
     /// Numbers at a point of the cube.

@@ -121,10 +121,6 @@ impl Problem {
 
     /// Loss of the mean after each of [`GENERATIONS`] of 16 candidates. The search is told
     /// ln(0.03 + loss) with normal noise.
-    ///
-    /// # Errors
-    ///
-    /// None: the configurations can run.
     pub(crate) fn search(
         &self,
         arm: Arm,

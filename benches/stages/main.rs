@@ -12,14 +12,13 @@
 //! that of the process, all threads.
 
 mod pair;
-#[path = "../result.rs"]
-mod result;
 mod stage;
 
 use std::io::{BufRead, Write, stdin, stdout};
 use std::path::PathBuf;
 
 use clap::Parser;
+use echoloop_benches::Result;
 use echoloop_registration::pose::{
     Pose, from_rows, read_pose, rotation_error_deg, translation_error_m,
 };
@@ -28,7 +27,6 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use pair::Pair;
-use result::Result;
 use stage::{Measured, STAGES};
 
 #[derive(Parser)]
@@ -95,9 +93,8 @@ fn median_line(
     truth: Option<&Pose>,
 ) -> Result<Value> {
     let first = pool.install(|| stage::run(pair, name))?;
-    let runs: std::result::Result<Vec<Measured>, _> =
-        (0..repeats).map(|_| pool.install(|| stage::run(pair, name))).collect();
-    let runs = runs?;
+    let runs = (0..repeats).map(|_| pool.install(|| stage::run(pair, name)));
+    let runs = runs.collect::<Result<Vec<Measured>>>()?;
     let mut line = json!({
         "stage": name, "n_in": first.n_in, "n_out": first.n_out,
         "cpu_ms": median(runs.iter().map(|run| run.cpu_ms)),

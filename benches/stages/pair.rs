@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use echoloop_benches::Result;
 use echoloop_registration::cloud::{Cloud, read_cloud};
 use echoloop_registration::features::{Described, PointPair, matching, pairs};
 use echoloop_registration::global::described;
@@ -9,8 +10,6 @@ use echoloop_registration::pose::Pose;
 use echoloop_registration::{
     FeatureConfig, FgrConfig, GicpConfig, IcpConfig, MacConfig, Source, Target,
 };
-
-use crate::result::Result;
 
 /// Radius of ICP's normals in voxels, the same as for the peers.
 const ICP_NORMAL_VOXELS: f64 = 3.0;
@@ -32,7 +31,7 @@ pub(crate) struct Pair {
     pub(crate) target: Cloud,
     pub(crate) source: Cloud,
     pub(crate) initial: Pose,
-    voxel_m: f64,
+    pub(crate) voxel_m: f64,
     described: Option<(Described, Described)>,
     matches: Option<Vec<PointPair>>,
     icp: Option<(Target, Source)>,
@@ -92,10 +91,6 @@ impl Pair {
     /// GICP that refines a global method, with the distances that ICP would have.
     pub(crate) fn refinement_gicp(&self) -> GicpConfig {
         GicpConfig::from(&IcpConfig::refinement(self.voxel_m))
-    }
-
-    pub(crate) fn voxel_m(&self) -> f64 {
-        self.voxel_m
     }
 
     /// Target and source with features.

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use cpu_time::ProcessTime;
+use echoloop_benches::Result;
 use echoloop_registration::cloud::neighbours::Neighbours;
 use echoloop_registration::cloud::{normals, voxel};
 use echoloop_registration::features::{Described, fpfh, matching};
@@ -14,7 +15,6 @@ use echoloop_registration::{
 use serde::{Serialize, Serializer};
 
 use crate::pair::Pair;
-use crate::result::Result;
 
 /// A stage: parts first, then whole methods from the clouds as read to the pose.
 pub(crate) const STAGES: [&str; 20] = [
@@ -41,7 +41,7 @@ pub(crate) const STAGES: [&str; 20] = [
 ];
 
 /// Times and results of a stage.
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 pub(crate) struct Measured {
     pub(crate) stage: String,
     pub(crate) cpu_ms: f64,
@@ -75,7 +75,7 @@ pub(crate) fn run(pair: &mut Pair, name: &str) -> Result<Measured> {
 
 /// Runs a stage from one or both clouds to points or matches.
 fn part(pair: &mut Pair, name: &str) -> Result<Measured> {
-    let (config, voxel_m) = (pair.features(), pair.voxel_m());
+    let (config, voxel_m) = (pair.features(), pair.voxel_m);
     match name {
         "voxel" => counted(name, pair.source.points.len(), || {
             Ok(voxel::downsample(&pair.source, voxel_m)?.points.len())
@@ -134,7 +134,7 @@ fn solve(pair: &mut Pair, name: &str) -> Result<Measured> {
 
 /// Runs a whole method from clouds to the pose.
 fn method(name: &str, pair: &Pair) -> Result<Box<dyn Registration>> {
-    let finish = Some(IcpConfig::refinement(pair.voxel_m()));
+    let finish = Some(IcpConfig::refinement(pair.voxel_m));
     Ok(match name {
         "icp" => build(&MethodConfig::Icp(pair.icp()), None)?,
         "gicp" => build(&MethodConfig::Gicp(pair.gicp()), None)?,
@@ -177,18 +177,8 @@ fn whole(name: &str, pair: &Pair, method: &dyn Registration) -> Result<Measured>
 
 fn counted(name: &str, n_in: usize, work: impl FnOnce() -> Result<usize>) -> Result<Measured> {
     let (n_out, cpu_ms, wall_ms) = timed(work)?;
-    let n_out = n_out?;
-    let stage = name.to_owned();
-    Ok(Measured {
-        stage,
-        cpu_ms,
-        wall_ms,
-        n_in,
-        n_out,
-        target_from_source: None,
-        stop: None,
-        iterations: None,
-    })
+    let (stage, n_out) = (name.to_owned(), n_out?);
+    Ok(Measured { stage, cpu_ms, wall_ms, n_in, n_out, ..Measured::default() })
 }
 
 fn posed(name: &str, n_in: usize, work: impl FnOnce() -> Outcome) -> Result<Measured> {

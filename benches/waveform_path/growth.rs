@@ -1,17 +1,10 @@
 //! Growth of the cost with one quantity at a time.
 
-use std::sync::Arc;
 use std::time::Instant;
 
-use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
-use echoloop_frontend::SceneResponse;
-use echoloop_frontend::{Receiver, WaveformFrontEnd};
-use echoloop_sensors::boards::pc::PcSensor;
-use echoloop_sensors::client::{Client, RetryPolicy};
-use echoloop_sensors::transport::InProcess;
-
-use crate::result::Result;
-use crate::work::{BATCH, Stage, returns, settings};
+use echoloop_benches::Result;
+use echoloop_benches::waveforms::{BATCH, Stage, client, settings};
+use echoloop_dsp::Settings;
 
 /// A row of a table.
 struct Row {
@@ -82,19 +75,8 @@ fn table(mut rows: Vec<Row>, rounds: usize) {
 fn beams(rounds: usize) -> Result<()> {
     let mut clients = Vec::new();
     for columns in [8, 32, 128, 250] {
-        let pattern = ScanPattern::Grid(Grid { columns, rows: 128, ..Grid::default() });
-        let beams = pattern.beams();
-        let scene = SceneResponse {
-            beams: (0..=beams).map(|beam| 2 * beam).collect(),
-            returns: (0..beams).flat_map(|beam| returns(beam, 2)).collect(),
-        };
-        let front_end = WaveformFrontEnd::new(Receiver::default(), Arc::new(scene), 1);
-        let sensor = PcSensor::new(front_end, pattern, Hardware::REFERENCE);
-        clients.push((
-            beams,
-            Client::connect(InProcess(sensor), RetryPolicy::default())?,
-            f64::INFINITY,
-        ));
+        let (beams, client) = client(columns)?;
+        clients.push((beams, client, f64::INFINITY));
     }
     for frame in 0..rounds as u32 {
         for (_, client, best) in &mut clients {

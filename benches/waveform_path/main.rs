@@ -9,21 +9,16 @@
 //! line of JSON with the parameters of the work.
 
 mod growth;
-#[path = "../result.rs"]
-mod result;
-mod work;
 
 use std::io::{BufRead, Write, stdin, stdout};
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use cpu_time::ProcessTime;
-use echoloop_frontend::Receiver;
-use echoloop_frontend::Return;
+use echoloop_benches::Result;
+use echoloop_benches::waveforms::{BATCH, SAMPLES, Stage, returns, settings};
+use echoloop_frontend::{Receiver, Return};
 use serde_json::{Value, json};
-
-use result::Result;
-use work::{BATCH, SAMPLES, Stage, returns, settings};
 
 #[derive(Parser)]
 struct Args {

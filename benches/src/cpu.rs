@@ -8,7 +8,7 @@ use criterion::Criterion;
 use criterion::measurement::{Measurement, ValueFormatter, WallTime};
 
 /// CPU time of the process, all threads.
-pub(crate) struct CpuTime;
+pub struct CpuTime;
 
 impl Measurement for CpuTime {
     type Intermediate = ProcessTime;
@@ -40,7 +40,7 @@ impl Measurement for CpuTime {
 }
 
 /// Criterion with CPU time and a number of samples, on one thread.
-pub(crate) fn on_one_thread(samples: usize) -> Criterion<CpuTime> {
+pub fn on_one_thread(samples: usize) -> Criterion<CpuTime> {
     // Fails only when a pool exists already, which is then used.
     let _ = rayon::ThreadPoolBuilder::new().num_threads(1).build_global();
     Criterion::default().sample_size(samples).with_measurement(CpuTime)

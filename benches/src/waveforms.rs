@@ -1,25 +1,28 @@
-//! The timed work: synthesis of waveforms, and detection.
+//! Timed work of the waveform path: synthesis of waveforms, detection, whole scans.
 
 use std::hint::black_box;
+use std::sync::Arc;
 
-use echoloop_dsp::{Echoes, Hardware, Pipeline, Scratch, Settings};
-use echoloop_frontend::Return;
-use echoloop_frontend::{Analog, Trigger};
+use echoloop_dsp::{Echoes, Grid, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_frontend::{
-    Exposure, Receiver, ShotBuffers, noise_key, synthesise, synthesise_baseline,
+    Analog, Exposure, Receiver, Return, SceneResponse, ShotBuffers, Trigger, WaveformFrontEnd,
+    noise_key, synthesise, synthesise_baseline,
 };
-use echoloop_kernels::{process, process_baseline};
-use echoloop_sensors::boards::pc::analog_for;
+use echoloop_kernels::{process, process_baseline, process_compiled};
+use echoloop_sensors::boards::pc::{PcSensor, analog_for};
+use echoloop_sensors::client::{Client, RetryPolicy};
+use echoloop_sensors::transport::InProcess;
 
-use crate::result::Result;
+use crate::Result;
 
-pub(crate) const SAMPLES: usize = 1024;
+/// Samples of a waveform.
+pub const SAMPLES: usize = 1024;
 
 /// Number of waveforms processed in sequence.
-pub(crate) const BATCH: usize = 256;
+pub const BATCH: usize = 256;
 
 /// Settings with a number of samples over 119 m, and a pulse width.
-pub(crate) fn settings(samples: usize, pulse_width_ps: i32) -> Settings {
+pub fn settings(samples: usize, pulse_width_ps: i32) -> Settings {
     // 372 nJ per pulse, below the limit.
     let power_uw = (37_200_000 / pulse_width_ps).clamp(500, 6_000) * 10_000;
     Settings { bins: samples as i32, pulse_width_ps, power_uw, ..Settings::default() }
@@ -27,15 +30,32 @@ pub(crate) fn settings(samples: usize, pulse_width_ps: i32) -> Settings {
 
 /// Returns of white walls 13 m apart: echoes from far beyond saturation to a hundredth of full
 /// scale.
-pub(crate) fn returns(beam: u32, count: usize) -> impl Iterator<Item = Return> {
+pub fn returns(beam: u32, count: usize) -> impl Iterator<Item = Return> {
     (0..count).map(move |i| {
         let range_m = 8.0 + f64::from(beam % 64) + 13.0 * i as f64;
         Return { range_m: range_m as f32, strength_per_m2: (0.1 / range_m.powi(2)) as f32 }
     })
 }
 
+/// A sensor on this PC that scans a grid of 128 rows with two returns per beam, and its beams.
+///
+/// # Errors
+///
+/// When it does not answer.
+pub fn client(columns: u16) -> Result<(u32, Client<InProcess<WaveformFrontEnd>>)> {
+    let pattern = ScanPattern::Grid(Grid { columns, rows: 128, ..Grid::default() });
+    let beams = pattern.beams();
+    let scene = SceneResponse {
+        beams: (0..=beams).map(|beam| 2 * beam).collect(),
+        returns: (0..beams).flat_map(|beam| returns(beam, 2)).collect(),
+    };
+    let front_end = WaveformFrontEnd::new(Receiver::default(), Arc::new(scene), 1);
+    let sensor = PcSensor::new(front_end, pattern, Hardware::REFERENCE);
+    Ok((beams, Client::connect(InProcess(sensor), RetryPolicy::default())?))
+}
+
 /// A pipeline with its waveforms and memory.
-pub(crate) struct Stage {
+pub struct Stage {
     pipeline: Pipeline,
     analog: Analog,
     receiver: Receiver,
@@ -48,11 +68,20 @@ pub(crate) struct Stage {
 
 impl Stage {
     /// Scene with two returns per beam.
-    pub(crate) fn new(settings: Settings) -> Result<Self> {
+    ///
+    /// # Errors
+    ///
+    /// When the pipeline refuses the settings.
+    pub fn new(settings: Settings) -> Result<Self> {
         Self::with_returns(settings, 2)
     }
 
-    pub(crate) fn with_returns(settings: Settings, count: usize) -> Result<Self> {
+    /// Scene with a number of returns per beam.
+    ///
+    /// # Errors
+    ///
+    /// When the pipeline refuses the settings.
+    pub fn with_returns(settings: Settings, count: usize) -> Result<Self> {
         let pipeline = Pipeline::new(&settings, &Hardware::REFERENCE)
             .map_err(|refusal| format!("{refusal:?}"))?;
         let mut stage = Self {
@@ -72,22 +101,30 @@ impl Stage {
         Ok(stage)
     }
 
-    pub(crate) fn pipeline(&self) -> &Pipeline {
+    /// The pipeline.
+    pub fn pipeline(&self) -> &Pipeline {
         &self.pipeline
     }
 
-    pub(crate) fn analog(&self) -> Analog {
+    /// State of the front end.
+    pub fn analog(&self) -> Analog {
         self.analog
     }
 
-    pub(crate) fn waveforms(&self) -> &[Vec<u16>] {
+    /// The waveforms, ADC codes.
+    pub fn waveforms(&self) -> &[Vec<u16>] {
         &self.waveforms
     }
 
     /// Processes all waveforms once.
-    pub(crate) fn run(&mut self, name: &str) -> Result<()> {
+    ///
+    /// # Errors
+    ///
+    /// When there is no stage of this name.
+    pub fn run(&mut self, name: &str) -> Result<()> {
         match name {
             "pipeline v3" => self.process_all(process),
+            "pipeline v3 as compiled" => self.process_all(process_compiled),
             "pipeline baseline" => self.process_all(process_baseline),
             "front end v3" => (0..BATCH).for_each(|beam| self.synthesise(synthesise, beam)),
             "front end baseline" => {
@@ -99,7 +136,7 @@ impl Stage {
     }
 
     /// Range of the strongest echo in every waveform, m.
-    pub(crate) fn ranges_m(&mut self) -> Vec<Option<f64>> {
+    pub fn ranges_m(&mut self) -> Vec<Option<f64>> {
         let Self { pipeline, waveforms, scratch, .. } = self;
         waveforms
             .iter()
