@@ -25,17 +25,17 @@ pub(crate) struct Attack {
 
 /// Runs the cases; each kind ends with a line for the record. Built as the tests are, so that
 /// numbers that overflow panic.
-pub(crate) fn run(asked: &Attack) -> Result<()> {
-    let filter = match &asked.kind {
+pub(crate) fn run(args: &Attack) -> Result<()> {
+    let filter = match &args.kind {
         Some(kind) => known(kind)?,
         None => "kind::".into(),
     };
     let mut command = cargo_command()?;
     command.args(["test", "--package", "echoloop-tests", "--test", "attack", &filter]);
     command.args(["--", "--nocapture", "--test-threads", "1"]);
-    command.env("ECHOLOOP_ATTACK_CASES", asked.cases.to_string());
-    command.env("ECHOLOOP_ATTACK_SEED", asked.seed.to_string());
-    if let Some(case) = asked.case {
+    command.env("ECHOLOOP_ATTACK_CASES", args.cases.to_string());
+    command.env("ECHOLOOP_ATTACK_SEED", args.seed.to_string());
+    if let Some(case) = args.case {
         command.env("ECHOLOOP_ATTACK_CASE", case.to_string());
     }
     succeed(&mut command)?;

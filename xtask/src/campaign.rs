@@ -1,7 +1,7 @@
 //! Campaigns: many runs of `echoloop`, one for each cell of a plan, kept as lines of a record.
 //!
-//! A plan is a file of `benches/plans`: axes, their values, and the arguments that each value adds.
-//! A cell has one value of each axis. The record has a line for each finished run, so a campaign
+//! A plan is a file of `benches/plans`: axes, their values, and the arguments of each value. A cell
+//! has one value of each axis. The record has a line for each finished run, so that a campaign
 //! resumes where it was left, on any machine, and pages are written from the lines alone.
 
 use std::collections::BTreeMap;
@@ -42,7 +42,7 @@ struct Axis {
     /// Arguments that every value adds; {} stands for the value.
     #[serde(default)]
     each: Vec<String>,
-    /// Empty where any value will do, as of seeds.
+    /// Empty where any value is allowed, as of seeds.
     #[serde(default)]
     values: Vec<Choice>,
 }

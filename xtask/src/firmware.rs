@@ -1,4 +1,4 @@
-//! `cargo xtask firmware`: the images, what they take, and that they cannot panic.
+//! `cargo xtask firmware`: size and stack of the images, and a check that they cannot panic.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -13,39 +13,35 @@ use crate::toolchain::Toolchain;
 
 /// A program for a microcontroller.
 pub(crate) struct Image {
-    /// What pages call it: its target or its part, after what it is if not the whole sensor.
+    /// Name on pages: its target or its part, after its kind if it is not the whole sensor.
     pub(crate) name: &'static str,
     package: &'static str,
     program: &'static str,
-    /// What it is built for.
+    /// Target of its build.
     pub(crate) target: Target,
-    /// The script that begins with its board's memory map.
+    /// Linker script that begins with its board's memory map.
     map: &'static str,
-    /// Exceptions that can interrupt each other: all others stay masked, or wait.
+    /// Number of exceptions that can interrupt each other; all others are masked, or wait.
     nested: u64,
-    /// Functions of its start that can panic by constants of theirs alone, at every start or at
-    /// none: no input decides it. A test of each says that there is none.
+    /// Functions of its start that can panic by their constants alone, at every start or at none,
+    /// whatever the input. A test of each shows that it does not.
     by_constants: &'static [&'static str],
 }
 
 impl Image {
-    /// One for an emulated board.
+    /// Image of an emulated board.
     const fn emulated(target: Target, map: &'static str, nested: u64) -> Self {
         let (package, program) = ("echoloop-image", "echoloop-sensor");
         Self { name: target.name, package, program, target, map, nested, by_constants: &[] }
     }
 
-    /// The example that is the detector alone, for the same board.
+    /// Example with the detector alone, for the same board.
     const fn detector_of(name: &'static str, board: &Self) -> Self {
         let (package, program) = ("echoloop-detector-firmware", "detector-firmware");
         Self { name, package, program, ..Self::emulated(board.target, board.map, board.nested) }
     }
 
-    /// Builds it.
-    ///
-    /// # Errors
-    ///
-    /// As [`build`].
+    /// See [`build`].
     pub(crate) fn build(&self) -> Result<PathBuf> {
         build(self.package, self.program, &self.target)
     }
@@ -92,15 +88,14 @@ pub(crate) const IMAGES: [Image; 10] = [
     Image::detector_of("detector thumbv6m-none-eabi", &CORTEX_M0),
 ];
 
-/// What lints are run for: all but the least Arm, for which nothing is compiled that is not for
-/// another, too.
+/// Targets of lints: all but the least Arm, as all of its code is compiled for another, too.
 const LINTED: [Target; 4] = [ARMV7EM, ARMV8M, CORTEX_M55, RV32];
 
 /// The target of `examples/own_firmware`.
 const COPIED: &Target = &IMAGES[0].target;
 
-/// Linted by themselves, too: without the log, which the sensor's images have. They say nothing of
-/// one target that they do not of another, but that it is Arm, as [`COPIED`] is.
+/// Packages that are also linted alone, without the log of the sensor's images, for [`COPIED`]:
+/// their code depends on a target only as far as it is Arm.
 const UNLOGGED: [&str; 2] = ["echoloop-sensor", "echoloop-own-firmware"];
 
 /// The profile of the images.
@@ -109,30 +104,30 @@ const PROFILE: &str = "firmware";
 /// `rust-version` of the workspace.
 const AT_LEAST: (u32, u32) = (1, 93);
 
-/// What builds for a target.
-///
-/// # Errors
-///
-/// When nothing here does.
+/// Toolchain for a target.
 pub(crate) fn toolchain(target: &Target) -> Result<Toolchain> {
     Toolchain::find(target, AT_LEAST)
 }
 
-/// Builds and measures the images of some targets, or of all, having linted what only they compile
-/// when asked to. For tests, a target that nothing here builds for is skipped aloud; where `CI` is
-/// set, that is a failure.
+/// Builds and measures the images of some targets, or of all; with `lint`, lints their code first.
+/// For tests, a target without a toolchain is reported and skipped, but where `CI` is set.
 ///
 /// # Errors
 ///
-/// As [`run`], or when a lint warns.
+/// When a target is unknown, a lint warns, or an image cannot be built, does not fit its board, has
+/// no bound on its stack, or can panic.
 pub(crate) fn checked(names: &[String], verbose: bool, lint: bool, for_tests: bool) -> Result<()> {
+    let known: Vec<&str> = targets().iter().map(|target| target.name).collect();
+    if let Some(unknown) = names.iter().find(|name| !known.contains(&name.as_str())) {
+        bail!("--target {unknown}: there are images for {}", known.join(", "));
+    }
+    let is_chosen =
+        |target: &&Target| names.is_empty() || names.iter().any(|name| name == target.name);
     let mut found = Vec::new();
-    for target in
-        targets().into_iter().filter(|t| names.is_empty() || names.iter().any(|n| n == t.name))
-    {
+    for target in targets().into_iter().filter(is_chosen) {
         match toolchain(target) {
             Ok(toolchain) => {
-                found.push(target.name.to_owned());
+                found.push(target);
                 if lint {
                     lint_for(target, &toolchain)?;
                 }
@@ -141,11 +136,12 @@ pub(crate) fn checked(names: &[String], verbose: bool, lint: bool, for_tests: bo
             Err(error) => eprintln!("SKIPPED: {error:#}"),
         }
     }
-    let is_skipped = for_tests && found.is_empty();
-    if is_skipped { Ok(()) } else { run(if for_tests { &found } else { names }, verbose) }
+    let images: Vec<&Image> =
+        IMAGES.iter().filter(|image| found.contains(&&image.target)).collect();
+    if images.is_empty() { Ok(()) } else { run(&images, verbose) }
 }
 
-/// Links what users copy, and lints what is compiled for this target alone.
+/// Links the example that users copy, and lints the code for this target alone.
 fn lint_for(target: &Target, toolchain: &Toolchain) -> Result<()> {
     if target == COPIED {
         link_copied(toolchain)?;
@@ -188,16 +184,12 @@ fn clippy(toolchain: &Toolchain, target: &Target, package: &str) -> Result<()> {
     succeed(command.args(["--", "-D", "warnings"]))
 }
 
-/// Tells cargo what to build for, and where.
+/// Sets cargo's target and its folder.
 fn for_target(command: &mut Command, target: &Target) {
     command.args(["--target", target.triple, "--target-dir"]).arg(target.folder());
 }
 
 /// Builds a program for a target.
-///
-/// # Errors
-///
-/// When there is no toolchain for it, or the build fails.
 pub(crate) fn build(package: &str, program: &str, target: &Target) -> Result<PathBuf> {
     let toolchain = toolchain(target)?;
     eprintln!("{}: {}", target.name, toolchain.describe());
@@ -206,23 +198,15 @@ pub(crate) fn build(package: &str, program: &str, target: &Target) -> Result<Pat
     command.current_dir(&root).args(["rustc", "--quiet", "--package", package, "--bin", program]);
     for_target(command.args(["--profile", PROFILE]), target);
     command.env("DEFMT_LOG", "info");
-    // The graph of calls, for the bound on the stack.
+    // Relocations show the calls, for the bound on the stack.
     succeed(toolchain.finish(&mut command).args(["--", "-Clink-arg=--emit-relocs"]))?;
     Ok(root.join(target.folder()).join(target.triple).join(PROFILE).join(program))
 }
 
-/// Builds the sensor's images and reports on them.
-///
-/// # Errors
-///
-/// When one cannot be built, does not fit its board, has no bound on its stack, or can panic.
-fn run(targets: &[String], verbose: bool) -> Result<()> {
-    let chosen: Vec<&Image> = match targets {
-        [] => IMAGES.iter().collect(),
-        some => some.iter().map(|target| known(target)).collect::<Result<Vec<_>>>()?.concat(),
-    };
+/// Builds images and reports on them.
+fn run(images: &[&Image], verbose: bool) -> Result<()> {
     let (mut rows, mut panics) = (Vec::new(), Vec::new());
-    for image in chosen {
+    for image in images {
         let elf = image.build()?;
         rows.push((image.name, check(&elf, image)?));
         let found = image::panics(&image::read(&elf)?, image.by_constants)?;
@@ -254,15 +238,7 @@ fn run(targets: &[String], verbose: bool) -> Result<()> {
     Ok(())
 }
 
-/// The images for a target.
-fn known(target: &str) -> Result<Vec<&'static Image>> {
-    let found: Vec<&Image> = IMAGES.iter().filter(|image| image.target.name == target).collect();
-    let names: Vec<&str> = targets().iter().map(|target| target.name).collect();
-    ensure!(!found.is_empty(), "--target {target}: there are images for {}", names.join(", "));
-    Ok(found)
-}
-
-/// What an image takes, with the memory map of its board.
+/// Size of an image, and the memory map of its board, which it fits.
 pub(crate) fn check(elf: &Path, image: &Image) -> Result<(Size, Map)> {
     let bytes = image::read(elf)?;
     let script = std::fs::read_to_string(workspace()?.join(image.map))

@@ -1,10 +1,10 @@
-//! What an image takes, and what it must not hold: read from its ELF file.
+//! Size, worst-case stack and reachable panics of an image, from its ELF file.
 //!
 //! The worst-case stack is that of the deepest path through the graph of calls. Frame sizes come
 //! from the instructions on Arm ([`thumb`]) and from `.eh_frame` on RISC-V. The graph comes from
 //! the relocations that the linker was asked to keep: a function has an edge to every function its
-//! code names, called or only pointed to. Where that would not do, for a table of constants that
-//! names a function or a frame of unknown size, there is an error and no bound.
+//! code names, called or only pointed to. A table of constants that names a function, or a frame of
+//! unknown size, is an error, as then there is no bound.
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,7 +23,7 @@ use object::{
 
 use crate::thumb;
 
-/// What an image takes of its board.
+/// Size of an image on its board.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Size {
     /// Bytes of code, constants and initial values.
@@ -32,9 +32,9 @@ pub(crate) struct Size {
     pub(crate) statics: u64,
     /// Worst-case stack, exception entry and handler included.
     pub(crate) stack: u64,
-    /// The path that takes it, outermost first, with each frame.
+    /// Path with that stack, outermost first, with each frame.
     pub(crate) deepest: Vec<(String, u64)>,
-    /// Labels of assembly, which count as [`LABEL_FRAME`].
+    /// Labels of assembly, each counted as [`LABEL_FRAME`].
     pub(crate) unknown: Vec<String>,
 }
 
@@ -64,18 +64,14 @@ impl Map {
         self.flash.iter().map(|region| region.length).sum()
     }
 
-    /// Whether an image has room on the board.
+    /// True when an image fits the board.
     pub(crate) fn fits(&self, size: &Size) -> bool {
         size.flash <= self.flash_bytes() && size.statics + size.stack <= self.ram.length
     }
 }
 
-/// The memory map that a linker's script begins with: `RAM`, and all regions whose names begin with
+/// Memory map at the beginning of a linker script: `RAM`, and all regions whose names begin with
 /// `FLASH`.
-///
-/// # Errors
-///
-/// When it does not say.
 pub(crate) fn regions(script: &str) -> Result<Map> {
     let named = |name: &'static str| {
         let lines = script.lines().map(str::trim_start);
@@ -98,7 +94,7 @@ fn region(line: &str) -> Option<Region> {
     Some(Region { origin: value("ORIGIN")?, length: value("LENGTH")? })
 }
 
-/// As linkers write them: hexadecimal, or with K or M.
+/// A number of a linker script: hexadecimal, or with K or M.
 fn number(text: &str) -> Option<u64> {
     if let Some(digits) = text.strip_prefix("0x") {
         return u64::from_str_radix(digits, 16).ok();
@@ -111,25 +107,19 @@ fn number(text: &str) -> Option<u64> {
     digits.parse::<u64>().ok()?.checked_mul(unit)
 }
 
-/// Panics that an image can reach, each with the calls that lead to it. None: no input reaches one.
+/// Panics that an image can reach, each with the calls that lead to it; empty when no input reaches
+/// one.
 ///
-/// A function is reached from the entry point, from the vectors, and from any table of constants
-/// that names it. What only the functions `by_constants` call is not followed.
-///
-/// # Errors
-///
-/// When the file is no such image.
+/// Roots are the entry point, the vectors, and functions named by a table of constants. Calls by
+/// the functions `by_constants` are not followed.
 pub(crate) fn panics(elf: &[u8], by_constants: &[&str]) -> Result<Vec<String>> {
     let file = object::File::parse(elf)?;
     let functions = functions(&file)?;
     let constants = file.sections().filter(|s| s.kind() != SectionKind::Text && is_allocated(s));
     let named = references(&file, constants)?;
     let entry = clean(&file, file.entry());
-    let roots = named
-        .iter()
-        .map(|reference| reference.to)
-        .chain([entry])
-        .filter_map(|to| holder(&functions, to));
+    let named = named.iter().map(|reference| reference.to).chain([entry]);
+    let roots = named.filter_map(|to| holder(&functions, to));
     let callers = reached(&functions, roots, by_constants);
     let found = callers.keys().filter(|&&index| is_panic(&functions[index].name));
     Ok(found.map(|&index| path_to(&functions, &callers, index)).collect())
@@ -139,8 +129,7 @@ fn is_panic(name: &str) -> bool {
     name.contains("panicking") || name.contains("rust_begin_unwind")
 }
 
-/// Every function reached from the roots other than through those named, and whose call reaches it
-/// first.
+/// Functions reached from the roots other than through those named, each with its first caller.
 fn reached(
     functions: &[Function],
     roots: impl Iterator<Item = usize>,
@@ -193,40 +182,39 @@ struct Function {
     calls: BTreeSet<usize>,
 }
 
-/// Counted for a label of assembly, of which frame tables know nothing: a few lines that save
+/// Frame counted for a label of assembly, which is in no frame table: a few lines that save
 /// registers.
 const LABEL_FRAME: u64 = 64;
 
-/// What exception entry pushes at most: 26 words with the floating-point registers, and a word to
+/// Greatest frame of exception entry: 26 words with the floating-point registers, and a word to
 /// align.
 const EXCEPTION_FRAME: u64 = 4 * 27;
 
 /// RISC-V's trap handlers; Arm's are in its vectors.
 const TRAPS: [&str; 2] = ["_start_trap", "_default_start_trap"];
 
-/// Measures an image in which so many exceptions can interrupt each other.
+/// Measures an image in which `nested` exceptions can interrupt each other.
 ///
 /// # Errors
 ///
-/// When the file is no such image, a section of it lies outside of the map, or a function calls
-/// itself: then there is no bound.
+/// When the file is no such image, a section of it lies outside of the map, or there is no bound as
+/// a function calls itself.
 pub(crate) fn measure(elf: &[u8], map: &Map, nested: u64) -> Result<Size> {
     let file = object::File::parse(elf)?;
-    let allocated = file.sections().filter(is_allocated);
     let (mut in_flash, mut statics) = (0, 0);
-    for section in allocated {
+    for section in file.sections().filter(is_allocated) {
         let stored = section.file_range().is_some_and(|(_, size)| size > 0);
         let name = section.name().unwrap_or("?").to_owned();
         let (address, bytes) = (section.address(), section.size());
         if map.ram.holds(address, bytes) {
             if name != ".stack" && name != ".heap" {
-                statics += section.size();
+                statics += bytes;
             }
             if stored {
-                in_flash += section.size(); // initial values
+                in_flash += bytes; // initial values
             }
         } else if map.flash.iter().any(|region| region.holds(address, bytes)) {
-            in_flash += section.size();
+            in_flash += bytes;
         } else {
             bail!(
                 "section {name}, {bytes} bytes at {address:#x}, lies outside flash and RAM of the \
@@ -249,7 +237,7 @@ pub(crate) fn measure(elf: &[u8], map: &Map, nested: u64) -> Result<Size> {
     Ok(Size { flash: in_flash, statics, stack: program + exceptions, deepest, unknown })
 }
 
-/// What would make the bound no bound: frames of unknown size, and calls that no relocation shows.
+/// Fails where the stack has no bound: a frame has no known size, or no relocation shows a call.
 fn check_bounded(file: &object::File<'_>, functions: &[Function]) -> Result<()> {
     if let Some(function) = functions.iter().find(|f| f.frame.is_none() && !f.is_label) {
         bail!("there is no bound on the stack: the frame of {} has no known size", function.name);
@@ -269,28 +257,22 @@ fn check_bounded(file: &object::File<'_>, functions: &[Function]) -> Result<()> 
 
 fn handlers(file: &object::File<'_>, functions: &[Function], entry: usize) -> Result<Vec<usize>> {
     let vectors = references(file, file.sections().filter(is_vectors))?;
-    let named = vectors
-        .iter()
-        .filter_map(|reference| holder(functions, reference.to))
-        .filter(|&index| index != entry);
-    let traps = functions
-        .iter()
-        .enumerate()
-        .filter(|(_, f)| TRAPS.contains(&f.name.as_str()))
-        .map(|(index, _)| index);
-    Ok(named.chain(traps).collect())
+    let named = vectors.iter().filter_map(|reference| holder(functions, reference.to));
+    let is_trap = |&index: &usize| TRAPS.contains(&functions[index].name.as_str());
+    let traps = (0..functions.len()).filter(is_trap);
+    Ok(named.filter(|&index| index != entry).chain(traps).collect())
 }
 
 fn is_vectors(section: &object::Section<'_, '_>) -> bool {
     section.name() == Ok(".vector_table")
 }
 
-/// An address of code, without the bit that says Thumb.
+/// Address of code, without the bit for Thumb.
 fn clean(file: &object::File<'_>, address: u64) -> u64 {
     if is_thumb(file) { address & !1 } else { address }
 }
 
-/// Every function, with its frame and what it calls.
+/// Every function, with its frame and its calls.
 fn functions(file: &object::File<'_>) -> Result<Vec<Function>> {
     let mut functions = named_functions(file);
     if is_thumb(file) {
@@ -303,10 +285,8 @@ fn functions(file: &object::File<'_>) -> Result<Vec<Function>> {
         bail!("the image holds no relocations: link it with --emit-relocs");
     }
     for Reference { from, to, is_call } in calls {
-        let (Some(caller), Some(callee)) = (holder(&functions, from), holder(&functions, to))
-        else {
-            continue;
-        };
+        let ends = holder(&functions, from).zip(holder(&functions, to));
+        let Some((caller, callee)) = ends else { continue };
         // Jumps within a function are no calls of it.
         if caller != callee || (is_call && to == functions[callee].start) {
             functions[caller].calls.insert(callee);
@@ -350,21 +330,21 @@ fn named_functions(file: &object::File<'_>) -> Vec<Function> {
     functions
 }
 
-/// The function that holds an address.
+/// Index of the function at an address.
 fn holder(functions: &[Function], address: u64) -> Option<usize> {
     let after = functions.partition_point(|f| f.start <= address);
     let index = after.checked_sub(1)?;
     (address < functions[index].end).then_some(index)
 }
 
-/// A place that names another.
+/// A place in an image that names another.
 struct Reference {
     from: u64,
     to: u64,
     is_call: bool,
 }
 
-/// Everything that sections name.
+/// References of some sections.
 fn references<'data, 'file>(
     file: &'file object::File<'data>,
     sections: impl Iterator<Item = object::Section<'data, 'file>>,
@@ -391,7 +371,7 @@ fn is_call(relocation: &object::Relocation) -> bool {
     matches!(relocation.flags(), RelocationFlags::Elf { r_type } if CALLS.contains(&r_type))
 }
 
-/// The word at an address: an address in a constant pool, already linked.
+/// Word at an address: an address in a constant pool, already linked.
 fn word(section: &object::Section<'_, '_>, at: u64) -> Result<u64> {
     let bytes = section.data_range(at, 4)?.and_then(|bytes| bytes.try_into().ok());
     Ok(bytes.map_or(0, u32::from_le_bytes).into())
@@ -420,8 +400,8 @@ fn thumb_frames(file: &object::File<'_>, functions: &mut [Function]) {
     }
 }
 
-/// Frames of other code, from its tables: the largest distance between a function's stack pointer
-/// and its caller's.
+/// Frames of other code, from its tables: the greatest distance between the stack pointers of a
+/// function and of its caller.
 fn tabled_frames(file: &object::File<'_>, functions: &mut [Function]) -> Result<()> {
     let section = file.section_by_name(".eh_frame").context("no .eh_frame")?;
     let data = section.uncompressed_data()?;
@@ -457,7 +437,7 @@ fn deepest_rows(
     Ok(frames)
 }
 
-/// The most stack below any of the roots, and the path there.
+/// Greatest stack below any of the roots, and its path.
 fn deepest(functions: &[Function], roots: &[usize]) -> Result<(u64, Vec<usize>)> {
     let mut known: Vec<Option<(u64, Option<usize>)>> = vec![None; functions.len()];
     let mut best: Option<(u64, usize)> = None;
@@ -504,11 +484,7 @@ fn descend(
     Ok(depth)
 }
 
-/// Reads and measures an image.
-///
-/// # Errors
-///
-/// As [`measure`].
+/// Bytes of an image.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
 }

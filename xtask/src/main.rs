@@ -40,10 +40,10 @@ enum Task {
         /// Also print the deepest path of calls.
         #[arg(short, long)]
         verbose: bool,
-        /// Also lint what only the images compile.
+        /// Also lint the code that only the images compile.
         #[arg(long)]
         lint: bool,
-        /// Skip a target that nothing here builds for, unless CI is set.
+        /// Skip a target without a toolchain, unless CI is set.
         #[arg(long, hide = true)]
         for_tests: bool,
     },
@@ -61,46 +61,47 @@ enum Task {
         /// Frames to send and answers to get.
         #[arg(long, default_value_t = 10_000_000)]
         frames: u64,
-        /// Decides all of it.
+        /// Seed of all harms.
         #[arg(long, default_value_t = 41)]
         seed: u64,
     },
-    /// Bytes nobody chose, on the link, in the flash and to every reader: every fuzz target for a
-    /// while.
+    /// Runs every fuzz target for a while: random bytes on the link, in the flash and to every
+    /// reader.
     Fuzz {
         /// Only this one: a file of fuzz/fuzz_targets, as session or obj.
         #[arg(long)]
         target: Option<String>,
-        /// How long each target runs.
+        /// Time of each target, s.
         #[arg(long, default_value_t = 60)]
         seconds: u32,
     },
-    /// Seeded damage to what is read and talked to, case by case: more of what the tests do.
+    /// Seeded damage to files and to the link, case by case: the tests' attacks with more cases.
     Attack(attack::Attack),
     /// Counts the instructions of every stage on microcontrollers, in QEMU; fails when one grew by
     /// more than 2 %.
     Cost {
-        /// Writes the table anew instead.
+        /// Write the table anew instead.
         #[arg(long, conflicts_with = "target")]
         update: bool,
         /// Only on processors of this target; may be repeated.
         #[arg(long)]
         target: Vec<String>,
     },
-    /// The figures that README and docs print: runs what is cheap, compares run, record and pages.
+    /// The figures that README and docs print: makes the cheap runs, and compares them with record
+    /// and pages.
     Figures(figures::Figures),
     /// Registration against Open3D, small_gicp and KISS-Matcher on the same files, or the waveform
     /// path against numpy and scipy; needs python3 and the Python registry.
     Peers(peers::Peers),
     /// The pictures of scenes in the docs, drawn again.
     Pictures,
-    /// Pairs of the nine towns: how long they take to trace, keep and read, in the docs.
+    /// Pairs of the nine towns: the time to trace, store and read them, in the docs.
     Towns,
-    /// What registration gains with each scan pattern, at equal time and at equal energy; goes on
-    /// where it was left.
+    /// Registration with each scan pattern, at equal time and at equal energy; goes on where it was
+    /// left.
     Patterns(patterns::Patterns),
-    /// Default, LiDAR, registration and both, by every method in every kind of scene, by both
-    /// strategies: what tuning gains on held-out pairs. Hours; goes on where it was left.
+    /// Gain of tuning the LiDAR, registration or both on held-out pairs, by every method in every
+    /// kind of scene, by both strategies. Hours; goes on where it was left.
     Study(study::Study),
 }
 
@@ -114,34 +115,26 @@ fn main() -> Result<()> {
         Task::OnTarget { waveforms } => on_target(waveforms),
         Task::Storm { frames, seed } => storm(frames, seed),
         Task::Fuzz { target, seconds } => fuzz::run(target.as_deref(), seconds),
-        Task::Attack(asked) => attack::run(&asked),
+        Task::Attack(args) => attack::run(&args),
         Task::Cost { update, target } => cost::run(update, &target),
-        Task::Figures(asked) => figures::run(&asked),
-        Task::Peers(asked) => peers::run(asked),
+        Task::Figures(args) => figures::run(&args),
+        Task::Peers(args) => peers::run(args),
         Task::Pictures => pictures::run(),
         Task::Towns => towns::run(),
-        Task::Patterns(asked) => patterns::run(&asked),
-        Task::Study(asked) => study::run(&asked),
+        Task::Patterns(args) => patterns::run(&args),
+        Task::Study(args) => study::run(&args),
     }
 }
 
 fn on_target(waveforms: u32) -> Result<()> {
     firmware::checked(&[], false, false, true)?;
     let mut command = cargo_command()?;
-    command.args([
-        "test",
-        "--package",
-        "echoloop-tests",
-        "--test",
-        "on_target",
-        "every_board",
-        "--",
-        "--nocapture",
-    ]);
+    command.args(["test", "--package", "echoloop-tests", "--test", "on_target", "every_board"]);
+    command.args(["--", "--nocapture"]);
     succeed(command.env("ECHOLOOP_WAVEFORMS", waveforms.to_string()))
 }
 
-/// Built as the tests are, so that numbers that overflow panic.
+/// The long storm. Built as the tests are, so that an overflow panics.
 fn storm(frames: u64, seed: u64) -> Result<()> {
     let mut command = cargo_command()?;
     command.args(["test", "--package", "echoloop-tests", "--test", "link", "a_storm_of"]);

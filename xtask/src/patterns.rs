@@ -33,7 +33,7 @@ pub(crate) struct Patterns {
     /// Only these patterns.
     #[arg(long, value_delimiter = ',', value_parser = PATTERNS.choices("pattern"))]
     pattern: Vec<String>,
-    /// Runs nothing: writes the table from the record.
+    /// Run nothing: write the table from the record.
     #[arg(long)]
     page: bool,
 }

@@ -46,10 +46,6 @@ pub(crate) fn build_as_tested() -> Result<()> {
 }
 
 /// Prints a command and runs it.
-///
-/// # Errors
-///
-/// When it cannot be run, or fails.
 pub(crate) fn succeed(command: &mut Command) -> Result<()> {
     let shown = format!("{command:?}");
     eprintln!("+ {shown}");
@@ -60,10 +56,6 @@ pub(crate) fn succeed(command: &mut Command) -> Result<()> {
 }
 
 /// Standard output of a program, run in the workspace's root.
-///
-/// # Errors
-///
-/// When it cannot be run, or fails.
 pub(crate) fn output(program: &str, arguments: &[&str]) -> Result<String> {
     output_in(&workspace()?, program, arguments)
 }

@@ -41,18 +41,18 @@ pub(crate) struct Study {
     /// Only these kinds of scene.
     #[arg(long, value_delimiter = ',', value_parser = STUDY.choices("scene"))]
     scene: Vec<String>,
-    /// Under these conditions.
+    /// Only these conditions.
     #[arg(long, value_delimiter = ',', default_value = "clear",
           value_parser = STUDY.choices("condition"))]
     condition: Vec<String>,
-    /// Of these seeds; the towns of a seed are its own.
+    /// Only these seeds; the towns of a seed are its own.
     #[arg(long, value_delimiter = ',', default_value = "1,2,3,4,5",
           value_parser = clap::value_parser!(u64).range(1..))]
     seed: Vec<u64>,
     /// Fronts of error against energy instead, of these kinds and seeds.
     #[arg(long, conflicts_with_all = ["strategy", "protocol", "method", "condition"])]
     front: bool,
-    /// Runs nothing: writes the page from the record.
+    /// Run nothing: write the page from the record.
     #[arg(long)]
     page: bool,
 }

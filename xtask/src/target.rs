@@ -1,16 +1,15 @@
-//! What images are built for.
+//! Targets of images.
 
 use std::path::{Path, PathBuf};
 
-/// A target of the compiler; or a processor of which it has no target, beside those of the
-/// processors it extends.
+/// A target of the compiler, or a processor that extends one and has no target of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Target {
-    /// As `--target` has it.
+    /// Name for `--target`.
     pub(crate) name: &'static str,
-    /// The compiler's.
+    /// Triple of the compiler.
     pub(crate) triple: &'static str,
-    /// What code is made for, where the triple alone does not say it.
+    /// Processor, where the triple alone does not name it.
     pub(crate) processor: Option<&'static str>,
 }
 
@@ -19,19 +18,19 @@ impl Target {
         Self { name: triple, triple, processor: None }
     }
 
-    /// The compiler's arguments for it.
+    /// Arguments of the compiler.
     pub(crate) fn flags(&self) -> Vec<String> {
         let mut flags: Vec<String> =
             self.processor.iter().map(|processor| format!("-Ctarget-cpu={processor}")).collect();
         if self.triple.starts_with("riscv") {
-            // the bound on the stack is read from them
+            // The bound on the stack is read from them.
             flags.push("-Cforce-unwind-tables=yes".into());
         }
         flags
     }
 
-    /// Where cargo builds for it, below the workspace's root: other arguments in the same place
-    /// would build everything anew, each time.
+    /// Folder of its builds, below the workspace's root. Other arguments in the same folder would
+    /// build everything anew each time.
     pub(crate) fn folder(&self) -> PathBuf {
         Path::new("target/firmware").join(self.processor.unwrap_or_default())
     }

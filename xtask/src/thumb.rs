@@ -1,14 +1,13 @@
-//! How much stack a Thumb function takes, from its instructions.
+//! Stack of a Thumb function, from its instructions.
 //!
-//! Rust keeps a frame pointer on these targets, so the frame tables say nothing of what lies below
-//! it. The instructions that lower the stack pointer are few; their sum over a function bounds its
-//! frame, whichever of its paths is taken.
+//! Rust keeps a frame pointer on these targets, so frame tables do not have the stack below it. Few
+//! instructions lower the stack pointer; their sum over a function bounds its frame on every path.
 
-/// Sum of everything a function's code subtracts from the stack pointer.
+/// Sum of all amounts that a function's code subtracts from the stack pointer; `None` when one of
+/// them is unknown.
 ///
-/// `code` is the function's, `address` where it lies; `is_data` says which of its halfwords are
-/// constants; `word_at` reads the image's memory. `None`: the stack pointer is moved by an amount
-/// that the code does not tell.
+/// `code` lies at `address`; `is_data` is true for the addresses of constants in it; `word_at` reads
+/// the image's memory.
 pub(crate) fn frame(
     code: &[u8],
     address: u64,
@@ -81,7 +80,7 @@ fn long(first: u32, second: u32) -> Option<u64> {
     }
 }
 
-/// A modified constant (Armv7-M manual, A5.3.2), of the kinds that sizes are written in.
+/// A modified constant (Armv7-M manual, A5.3.2).
 fn expand(immediate: u32) -> u32 {
     let (kind, byte) = (immediate >> 8, immediate & 0xff);
     match kind {

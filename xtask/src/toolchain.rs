@@ -11,23 +11,19 @@ use anyhow::{Result, bail};
 
 use crate::target::Target;
 
-/// Cargo and rustc that build for a target, and what they need said.
+/// Cargo and rustc that build for a target, with the core library and linker that they need.
 #[derive(Clone, Debug)]
 pub(crate) struct Toolchain {
     cargo: PathBuf,
     rustc: PathBuf,
     version: String,
-    core: Core,
+    /// True when core comes built, as with rustup; then there is a clippy, too.
+    is_prebuilt: bool,
+    /// Linker on the PATH; `None`: rustc's own.
     linker: Option<PathBuf>,
 }
 
-#[derive(Clone, Debug, PartialEq)]
-enum Core {
-    Prebuilt,
-    FromSource,
-}
-
-/// What a candidate is called, and where it lies.
+/// Name of a candidate, its cargo and its rustc.
 type Candidate = (&'static str, PathBuf, PathBuf);
 
 impl Toolchain {
@@ -36,7 +32,7 @@ impl Toolchain {
     ///
     /// # Errors
     ///
-    /// When none can: every candidate with its reason, and the commands that help.
+    /// When none can: lists every candidate with its reason, and the commands that help.
     pub(crate) fn find(target: &Target, at_least: (u32, u32)) -> Result<Self> {
         let mut reasons = String::new();
         for (name, cargo, rustc) in candidates() {
@@ -76,30 +72,27 @@ impl Toolchain {
             PathBuf::from(ask(rustc, &["--print", "target-libdir", "--target", target])?);
         let sysroot = PathBuf::from(ask(rustc, &["--print", "sysroot"])?);
         let source = sysroot.join("lib/rustlib/src/rust/library/core/Cargo.toml");
-        let core = if holds_core(&libraries) {
-            Core::Prebuilt
-        } else if source.is_file() {
-            Core::FromSource
-        } else {
+        let is_prebuilt = holds_core(&libraries);
+        if !is_prebuilt && !source.is_file() {
             return Err("it has neither core for the target nor core's source".into());
-        };
-        let linker = linker(&sysroot)?;
-        Ok(Self { cargo: cargo.to_owned(), rustc: rustc.to_owned(), version, core, linker })
+        }
+        let (cargo, rustc) = (cargo.to_owned(), rustc.to_owned());
+        Ok(Self { cargo, rustc, version, is_prebuilt, linker: linker(&sysroot)? })
     }
 
-    /// Its compiler's version, as "rustc 1.95.0".
+    /// Version of the compiler, as "rustc 1.95.0".
     pub(crate) fn version(&self) -> &str {
         self.version.split(" (").next().unwrap_or(&self.version)
     }
 
-    /// Whether core comes built, as with rustup; then there is a clippy, too.
+    /// True when core comes built.
     pub(crate) fn is_prebuilt(&self) -> bool {
-        self.core == Core::Prebuilt
+        self.is_prebuilt
     }
 
-    /// One line: what builds, and with which core and linker.
+    /// Compiler, cargo, core and linker in one line.
     pub(crate) fn describe(&self) -> String {
-        let core = if self.core == Core::Prebuilt { "prebuilt core" } else { "core from source" };
+        let core = if self.is_prebuilt { "prebuilt core" } else { "core from source" };
         let linker =
             self.linker.as_ref().map_or("bundled rust-lld".into(), |l| l.display().to_string());
         format!("{} ({}), {core}, {linker}", self.version, self.cargo.display())
@@ -108,7 +101,7 @@ impl Toolchain {
     /// `cargo` for a target, as this toolchain needs it.
     pub(crate) fn cargo(&self, target: &Target) -> Command {
         let mut command = Command::new(&self.cargo);
-        // What an outer cargo set for its own toolchain must not reach this one.
+        // Variables of an outer cargo's toolchain must not reach this one.
         command.env_remove("RUSTUP_TOOLCHAIN").env_remove("CARGO").env("RUSTC", &self.rustc);
         let mut flags = target.flags();
         if let Some(linker) = &self.linker {
@@ -123,10 +116,10 @@ impl Toolchain {
         command
     }
 
-    /// Arguments after the subcommand: core from source has to be asked for. It is unstable, so
+    /// Adds the arguments after the subcommand that build core from source, which is unstable, so
     /// only this child may.
     pub(crate) fn finish<'a>(&self, command: &'a mut Command) -> &'a mut Command {
-        if self.core == Core::FromSource {
+        if !self.is_prebuilt {
             command.env("RUSTC_BOOTSTRAP", "1").arg("-Zbuild-std=core");
         }
         command
@@ -172,19 +165,18 @@ fn holds_core(folder: &Path) -> bool {
     entries.flatten().any(|entry| entry.file_name().to_string_lossy().starts_with("libcore-"))
 }
 
-/// `None`: rustc's own. Else one on the PATH.
+/// Linker on the PATH; `None` where rustc has its own.
 fn linker(sysroot: &Path) -> Result<Option<PathBuf>, String> {
     let bundled = sysroot.join("lib/rustlib").read_dir().into_iter().flatten().flatten();
     if bundled.map(|entry| entry.path().join("bin/rust-lld")).any(|path| path.is_file()) {
         return Ok(None);
     }
     let path = env::var_os("PATH").unwrap_or_default();
-    let found = env::split_paths(&path)
-        .flat_map(|f| [f.join("rust-lld"), f.join("ld.lld")])
-        .find(|p| p.is_file());
-    found
-        .map(Some)
-        .ok_or_else(|| "it has no linker for it: neither rust-lld nor ld.lld is there".into())
+    let mut found = env::split_paths(&path).flat_map(|f| [f.join("rust-lld"), f.join("ld.lld")]);
+    match found.find(|path| path.is_file()) {
+        None => Err("it has no linker for it: neither rust-lld nor ld.lld is there".into()),
+        found => Ok(found),
+    }
 }
 
 #[cfg(test)]

@@ -32,10 +32,6 @@ const SCENES: [&str; 12] = [
 const PAIRS: [&str; 2] = ["data.train_pairs=10", "data.test_pairs=100"];
 
 /// Measures every scene and writes the table.
-///
-/// # Errors
-///
-/// When a set cannot be made or read, or the page cannot be written.
 pub(crate) fn run() -> Result<()> {
     build_release()?;
     let folder = built(&workspace()?).join("towns");

@@ -62,9 +62,7 @@ impl Aim {
         if self.is <= self.at_most { "held" } else { "**not held**" }
     }
 
-    /// # Errors
-    ///
-    /// When it is not held.
+    /// Fails when it is not held.
     pub(super) fn check(&self) -> Result<()> {
         let Self { title, is, at_most } = self;
         ensure!(
@@ -76,10 +74,6 @@ impl Aim {
 }
 
 /// Aims of the filter and the pipeline on a Cortex-M4, then of both on a Cortex-M55.
-///
-/// # Errors
-///
-/// When the compared case is not in the table.
 pub(super) fn aims(table: &Table) -> Result<[Aim; 4]> {
     let counted = |on, stage| per_sample(table, on, stage);
     let aim = |title, is, at_most| Aim { title, is, at_most };
@@ -116,10 +110,6 @@ fn verdicts([filter, pipeline, vector_filter, vector_pipeline]: &[Aim; 4]) -> St
 }
 
 /// The table as a page to read, per sample.
-///
-/// # Errors
-///
-/// When the compared case is not in it.
 pub(super) fn draw(table: &Table) -> Result<String> {
     let mut page = head(&table.measured_with);
     page += &beside_cmsis(table)?;

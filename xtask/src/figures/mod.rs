@@ -50,11 +50,11 @@ struct Compared<'a> {
 ///
 /// When a run fails or a skipped one had to be made, or when a measured value or a page differs
 /// from the record; with `--update`, when one still does after writing.
-pub(crate) fn run(asked: &Figures) -> Result<()> {
+pub(crate) fn run(args: &Figures) -> Result<()> {
     let root = workspace()?;
     let book = read(&root)?;
-    let chosen = asked.chosen(&book)?;
-    if asked.update {
+    let chosen = args.chosen(&book)?;
+    if args.update {
         refuse_changed_code(&book)?;
     }
     let measured = measure::all(&root, &chosen)?;
@@ -62,9 +62,9 @@ pub(crate) fn run(asked: &Figures) -> Result<()> {
     rows.iter().for_each(print);
     let (made, skipped): (Vec<&Run>, Vec<&Run>) =
         chosen.iter().partition(|run| measured.contains_key(&run.name));
-    let strict = !asked.only.is_empty() || env::var_os("CI").is_some();
+    let strict = !args.only.is_empty() || env::var_os("CI").is_some();
     refuse_gaps(rows.len(), &skipped, strict)?;
-    if asked.update {
+    if args.update {
         let stamp = |run| Ok((run, measure::stamp(run)?));
         let made = made.into_iter().map(stamp).collect::<Result<Vec<_>>>()?;
         update::write(&root, BOOK, &made, &book, &rows)?;

@@ -6,9 +6,9 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
-use super::Compared;
 use super::book::{Book, Figure, Printed, Run, fill};
 use super::page::replace;
+use super::{Compared, text};
 
 /// Replaces recorded values by measured ones in the list and the pages, and the stamps of the runs
 /// made.
@@ -23,22 +23,32 @@ pub(super) fn write(
     book: &Book,
     rows: &[Compared<'_>],
 ) -> Result<()> {
-    let mut texts = Texts { root, changed: BTreeMap::new() };
+    // Read once, and written at the end.
+    let mut changed: BTreeMap<&str, String> = BTreeMap::new();
+    let mut change = |path, edit: &dyn Fn(&str) -> Result<String>| {
+        let text = changed.remove(path).map_or_else(|| text(root, path), Ok)?;
+        changed.insert(path, edit(&text)?);
+        anyhow::Ok(())
+    };
     for (run, stamp) in made {
-        texts.change(list, |text| stamped(text, run, stamp))?;
+        change(list, &|text| stamped(text, run, stamp))?;
     }
     for figure in &book.figure {
         let new = values(figure, rows);
         if new != figure.recorded {
-            texts.change(list, |text| recorded(text, figure, &new))?;
+            change(list, &|text| recorded(text, figure, &new))?;
             for Printed { page, text } in &figure.printed {
                 let (old, new) = (figure.line(text), fill(text, &new));
                 let lost = || format!("{page}: {}: it does not print {old:?}", figure.name);
-                texts.change(page, |text| replace(text, &old, &new).with_context(lost))?;
+                change(page, &|text| replace(text, &old, &new).with_context(lost))?;
             }
         }
     }
-    texts.write()
+    for (path, text) in changed {
+        fs::write(root.join(path), text).with_context(|| format!("cannot write {path}"))?;
+        println!("wrote {path}");
+    }
+    Ok(())
 }
 
 /// A figure's values after this measurement.
@@ -47,33 +57,6 @@ fn values(figure: &Figure, rows: &[Compared<'_>]) -> BTreeMap<String, String> {
     let of_it = rows.iter().filter(|row| std::ptr::eq(row.figure, figure));
     values.extend(of_it.map(|row| (row.value.to_owned(), row.measured.clone())));
     values
-}
-
-/// Files that are read once and written at the end.
-struct Texts<'a> {
-    root: &'a Path,
-    changed: BTreeMap<String, String>,
-}
-
-impl Texts<'_> {
-    fn change(&mut self, path: &str, edit: impl FnOnce(&str) -> Result<String>) -> Result<()> {
-        let text = match self.changed.get(path) {
-            Some(text) => text.clone(),
-            None => fs::read_to_string(self.root.join(path))
-                .with_context(|| format!("cannot read {path}"))?,
-        };
-        self.changed.insert(path.to_owned(), edit(&text)?);
-        Ok(())
-    }
-
-    fn write(self) -> Result<()> {
-        for (path, text) in self.changed {
-            fs::write(self.root.join(&path), text)
-                .with_context(|| format!("cannot write {path}"))?;
-            println!("wrote {path}");
-        }
-        Ok(())
-    }
 }
 
 /// The list with new values in the figure's line `recorded = { … }`.
