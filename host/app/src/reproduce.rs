@@ -1,11 +1,11 @@
 //! `echoloop reproduce`.
 
-mod drawn;
 mod latex;
 mod overlays;
 mod runner;
 mod written;
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -17,43 +17,24 @@ use super::interrupt::stop_on_interrupt;
 use super::number::{number_of, seed};
 use super::progress::Progress;
 use super::report::is_standard_output;
-use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
+use echoloop_closed_loop::config::preset::{Preset, Strategy};
 use echoloop_closed_loop::config::{Override, default_runs_folder};
-use echoloop_closed_loop::run_folder::files::Output;
+use echoloop_closed_loop::run_folder::files::{Output, file_error};
 use echoloop_closed_loop::search::Observer;
 use echoloop_files::say;
 use echoloop_report::write_figures;
 use echoloop_study::{
-    Ablation, Base, ByHand, Cell, Figures, Folder, FolderError, Plan, RealPair, RealRow, Scene,
-    Selection, Table, TableMethod, judge_real, name_of, page, read_real_pairs,
+    Base, ByHand, Cell, Cells, Figures, Folder, FolderError, Plan, RealPair, RealRow, Selection,
+    Table, figures, judge_real, name_of, page, read_real_pairs,
 };
+use overlays::overlays;
 use runner::Runner;
 
 /// Flags of `reproduce`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct ReproduceArgs {
-    /// Only these methods.
-    #[arg(long, value_delimiter = ',')]
-    method: Vec<TableMethod>,
-    /// Only these kinds of country.
-    #[arg(long, value_delimiter = ',')]
-    scene: Vec<Scene>,
-    /// Only these protocols: what is tuned.
-    #[arg(long, value_delimiter = ',')]
-    protocol: Vec<Protocol>,
-    /// Only these ranges and defaults of registration.
-    #[arg(long, value_delimiter = ',')]
-    ranges: Vec<Preset>,
-    /// Only these ways to search.
-    #[arg(long, value_delimiter = ',')]
-    strategy: Vec<Strategy>,
-    /// Switch one thing, or one after the other, for a second table; by default with our search and
-    /// ranges for outdoors.
-    #[arg(long, value_delimiter = ',')]
-    ablation: Vec<Ablation>,
-    /// Also three cases tuned by hand, as in the paper's Fig. 1, of ICP.
-    #[arg(long, conflicts_with = "ablation")]
-    by_hand: bool,
+    #[command(flatten)]
+    selection: Selection,
     /// Few pairs, few generations, our search and ranges for outdoors: the table's shape in some
     /// minutes, which proves nothing.
     #[arg(long)]
@@ -116,26 +97,22 @@ enum Format {
 impl ReproduceArgs {
     /// Cells selected by the flags. The small table and switches have one range and one search.
     fn selection(&self) -> Selection {
-        let one = self.quick || !self.ablation.is_empty();
-        let or = |given: bool| given && one;
-        let (mut ranges, mut strategies) = (self.ranges.clone(), self.strategy.clone());
-        ranges.extend(or(ranges.is_empty()).then_some(Preset::Outdoor));
-        strategies.extend(or(strategies.is_empty()).then_some(Strategy::Fast));
-        Selection {
-            methods: self.method.clone(),
-            scenes: self.scene.clone(),
-            protocols: self.protocol.clone(),
-            ranges,
-            strategies,
-            ablations: self.ablation.clone(),
-            by_hand: self.by_hand,
+        let mut selection = self.selection.clone();
+        let has_one = self.quick || !selection.ablation.is_empty();
+        if has_one && selection.ranges.is_empty() {
+            selection.ranges.push(Preset::Outdoor);
         }
+        if has_one && selection.strategy.is_empty() {
+            selection.strategy.push(Strategy::Fast);
+        }
+        selection
     }
 
     /// Refuses a switch that changes nothing.
     fn check_switches(&self) -> Result<(), Failure> {
-        let switch = self.ablation.iter().find(|switch| switch.sets("registration.preset"));
-        match switch.filter(|_| self.ranges.contains(&Preset::Paper)) {
+        let Selection { ablation, ranges, .. } = &self.selection;
+        let switch = ablation.iter().find(|switch| switch.sets("registration.preset"));
+        match switch.filter(|_| ranges.contains(&Preset::Paper)) {
             Some(switch) => Err(Failure::usage(format!(
                 "--ablation {}: with --ranges {} nothing is switched; expected --ranges {}",
                 name_of(*switch),
@@ -148,8 +125,9 @@ impl ReproduceArgs {
 
     /// Refuses `--by-hand` without the method of its cases.
     fn check_by_hand(&self) -> Result<(), Failure> {
-        let has_method = self.method.is_empty() || self.method.contains(&ByHand::METHOD);
-        match self.by_hand && !has_method {
+        let Selection { method, by_hand, .. } = &self.selection;
+        let has_method = method.is_empty() || method.contains(&ByHand::METHOD);
+        match *by_hand && !has_method {
             true => Err(Failure::usage(format!(
                 "--by-hand: its cases are of {0}, as the paper's Fig. 1, and --method leaves {0} \
                  out",
@@ -199,7 +177,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
     let real = args.real.as_deref().map(|list| real_pairs(args, list)).transpose()?;
     let output = args.output.as_deref().filter(|path| !is_standard_output(path));
     let output = output.map(Output::at).transpose()?;
-    args.figures.as_deref().map(drawn::check_place).transpose()?;
+    args.figures.as_deref().map(check_place).transpose()?;
     let folder = match args.table {
         true => Folder::look(&args.folder())?,
         false => Folder::open(&args.folder(), plan)?,
@@ -221,64 +199,79 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
         folder.save_table(&table, &page(&table, Figures::default()).to_html())?;
         return ended;
     }
-    let written = Written::new(args, &folder, &table)?;
-    output.map(|output| output.write(written.html.as_bytes())).transpose()?;
+    let (html, places) = written_pages(args, &folder, &table)?;
+    output.map(|output| output.write(html.as_bytes())).transpose()?;
     match args.output.as_deref() {
-        Some(path) if is_standard_output(path) => print(&written.html)?,
-        _ => print_table(args, &table, &written.places)?,
+        Some(path) if is_standard_output(path) => print(&html)?,
+        _ => print_table(args, &table, &places)?,
     }
     outcome(&table)
 }
 
-/// Page and figures that were written besides the table.
-struct Written {
-    /// The page; empty where none is needed.
-    html: String,
-    /// Lines that name the files written.
-    places: String,
+/// Draws the page and the figures, and writes them where the flags say: the page, empty where none
+/// is needed, and lines that name the files written.
+fn written_pages(
+    args: &ReproduceArgs,
+    folder: &Folder,
+    table: &Table,
+) -> Result<(String, String), Failure> {
+    if args.table && args.output.is_none() && args.figures.is_none() {
+        return Ok(Default::default());
+    }
+    // The paper has no figure of a switch.
+    let drawn = || match args.selection.ablation.is_empty() {
+        true => {
+            let cells = Cells::read(folder, table);
+            figures(&cells, &overlays(folder, &cells))
+        }
+        false => Figures::default(),
+    };
+    let drawn = on_threads(args.common.threads, drawn)?;
+    if args.figures.is_some() && drawn.plates.is_empty() {
+        let left_out = drawn.left_out.join(" ");
+        let place = args.folder();
+        return Err(Failure::usage(format!(
+            "{}: no cell of the selection is done, so there is nothing to draw. {left_out}",
+            place.display()
+        )));
+    }
+    let left_out = drawn.left_out.clone();
+    let page = page(table, drawn);
+    let html = page.to_html();
+    let mut places = String::new();
+    if !args.table {
+        let place = folder.save_table(table, &html)?;
+        places += &format!("\nreport   {}\n", place.display());
+    }
+    if let Some(at) = &args.figures {
+        let figures = page.figures().map_err(Failure::run)?;
+        write_figures(&figures, at)?;
+        places += &format!(
+            "{}figures  {}, each .svg and .png, in {}\n",
+            if places.is_empty() { "\n" } else { "" },
+            figures.len(),
+            at.display()
+        );
+        left_out.iter().for_each(|why| places += &format!("{why}\n"));
+    }
+    Ok((html, places))
 }
 
-impl Written {
-    /// Draws the page and the figures, and writes them where the flags say.
-    fn new(args: &ReproduceArgs, folder: &Folder, table: &Table) -> Result<Self, Failure> {
-        if args.table && args.output.is_none() && args.figures.is_none() {
-            return Ok(Self { html: String::new(), places: String::new() });
-        }
-        // The paper has no figure of a switch.
-        let drawn = || match args.ablation.is_empty() {
-            true => drawn::drawn(folder, table),
-            false => Figures::default(),
-        };
-        let drawn = on_threads(args.common.threads, drawn)?;
-        if args.figures.is_some() && drawn.plates.is_empty() {
-            let left_out = drawn.left_out.join(" ");
-            let place = args.folder();
-            return Err(Failure::usage(format!(
-                "{}: no cell of the selection is done, so there is nothing to draw. {left_out}",
-                place.display()
-            )));
-        }
-        let left_out = drawn.left_out.clone();
-        let page = page(table, drawn);
-        let html = page.to_html();
-        let mut places = String::new();
-        if !args.table {
-            let place = folder.save_table(table, &html)?;
-            places += &format!("\nreport   {}\n", place.display());
-        }
-        if let Some(at) = &args.figures {
-            let figures = page.figures().map_err(Failure::run)?;
-            write_figures(&figures, at)?;
-            places += &format!(
-                "{}figures  {}, each .svg and .png, in {}\n",
-                if places.is_empty() { "\n" } else { "" },
-                figures.len(),
-                at.display()
-            );
-            left_out.iter().for_each(|why| places += &format!("{why}\n"));
-        }
-        Ok(Self { html, places })
+/// Refuses a folder that figures cannot be written to, before any work.
+///
+/// # Errors
+///
+/// A file in the way, or a folder that takes none.
+fn check_place(folder: &Path) -> Result<(), Failure> {
+    let is_there = |path: &&Path| path.as_os_str().is_empty() || path.symlink_metadata().is_ok();
+    let nearest = folder.ancestors().find(is_there).unwrap_or(Path::new(""));
+    let nearest = if nearest.as_os_str().is_empty() { Path::new(".") } else { nearest };
+    let fail = |kind: ErrorKind| file_error("write figures in", folder)(kind.into());
+    if !nearest.is_dir() {
+        return Err(fail(ErrorKind::NotADirectory).into());
     }
+    Output::at(&nearest.join("figure.svg.probe")).map_err(|error| fail(error.source.kind()))?;
+    Ok(())
 }
 
 fn run_cells(

@@ -137,11 +137,10 @@ mod tests {
     use super::*;
     use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 
-    fn settings(ablation: Option<Ablation>) -> BTreeMap<String, String> {
-        let cell = Cell::start(Preset::Outdoor, TableMethod::Icp, Scene::Structured);
+    fn cell(ablation: Option<Ablation>) -> (Cell, RunConfig) {
+        let cell = Cell::start(Preset::Outdoor, TableMethod::Icp, Scene::Unstructured);
         let cell = Cell { ablation, ..cell.searched(Strategy::Fast, Protocol::Joint) };
-        let config = cell.config(&Base::paper(Vec::new())).expect("a configuration");
-        Plan::new(&config, false).settings
+        (cell, cell.config(&Base::paper(Vec::new())).expect("a configuration"))
     }
 
     #[test]
@@ -187,15 +186,25 @@ mod tests {
             ("ideal-detector", &["detector.kind"]),
         ];
         assert_eq!(ALL.len(), expected.len());
-        let plain = settings(None);
+        let settings = |config: &RunConfig| Plan::new(config, false).settings;
+        let (plain_cell, plain) = cell(None);
+        let plain = settings(&plain);
         for (&ablation, (name, expected)) in ALL.iter().zip(expected) {
             assert_eq!(Ablation::named(name), Some(ablation));
-            let switched = settings(Some(ablation));
+            let (cell, config) = cell(Some(ablation));
+            let switched = settings(&config);
             let keys: BTreeSet<&str> =
                 plain.keys().chain(switched.keys()).map(String::as_str).collect();
             let is_changed = |key: &&str| plain.get(*key) != switched.get(*key);
             let changed: Vec<&str> = keys.into_iter().filter(is_changed).collect();
             assert_eq!(changed, expected, "{name}");
+            let trained_in = cell.trained_in(&config);
+            assert_eq!(trained_in.is_some(), expected.is_empty(), "{name} switches nothing");
+            assert_eq!(cell.untuned().trained_in(&config), None, "it has no search");
+            assert_eq!(cell.plain(), plain_cell);
+            if name == "other-kind" {
+                assert_eq!(trained_in.unwrap().scene.source, "structured");
+            }
         }
     }
 

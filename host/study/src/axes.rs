@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
-use echoloop_closed_loop::config::{FgrMode, Method, Override};
+use echoloop_closed_loop::config::Override;
 
 /// A method of the table. FGR has two rows, as Open3D does not run it as published.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -21,38 +21,25 @@ pub enum TableMethod {
     Mac,
 }
 
+/// Name in the table, name in the configuration, and FGR's mode, by [`TableMethod`].
+const METHODS: [(&str, &str, Option<&str>); 4] = [
+    ("ICP", "icp", None),
+    ("FGR (Open3D)", "fgr", Some("open3d")),
+    ("FGR (published)", "fgr", Some("annealed")),
+    ("MAC", "mac", None),
+];
+
 impl TableMethod {
     /// Name in the table.
     pub fn title(self) -> &'static str {
-        match self {
-            Self::Icp => "ICP",
-            Self::FgrOpen3d => "FGR (Open3D)",
-            Self::Fgr => "FGR (published)",
-            Self::Mac => "MAC",
-        }
-    }
-
-    /// The method and FGR's mode, which other methods ignore.
-    pub(super) fn method(self) -> (Method, FgrMode) {
-        match self {
-            Self::Icp => (Method::Icp, FgrMode::default()),
-            Self::FgrOpen3d => (Method::Fgr, FgrMode::Open3d),
-            Self::Fgr => (Method::Fgr, FgrMode::Annealed),
-            Self::Mac => (Method::Mac, FgrMode::default()),
-        }
+        METHODS[self as usize].0
     }
 
     /// Settings of a run of the method.
-    pub(super) fn overrides(self) -> Vec<Override> {
-        let (method, mode) = match self {
-            Self::Icp => ("icp", None),
-            Self::FgrOpen3d => ("fgr", Some("open3d")),
-            Self::Fgr => ("fgr", Some("annealed")),
-            Self::Mac => ("mac", None),
-        };
-        let method = Override::flag("registration.method", method);
+    pub(super) fn overrides(self) -> impl Iterator<Item = Override> {
+        let (_, method, mode) = METHODS[self as usize];
         let mode = mode.map(|mode| Override::flag("registration.mode", mode));
-        [method].into_iter().chain(mode).collect()
+        [Override::flag("registration.method", method)].into_iter().chain(mode)
     }
 }
 
@@ -71,15 +58,23 @@ pub enum Scene {
 impl Scene {
     /// The next kind; after the last the first.
     pub fn next(self) -> Self {
-        match self {
-            Self::Structured => Self::SemiStructured,
-            Self::SemiStructured => Self::Unstructured,
-            Self::Unstructured => Self::Structured,
-        }
+        let all = Self::value_variants();
+        all[(self as usize + 1) % all.len()]
     }
 }
 
 /// Name of a choice on the command line and in files.
 pub fn name_of(value: impl ValueEnum) -> String {
     value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+}
+
+/// The values, each once, in the order of their first occurrence.
+pub(super) fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
+    let mut found = Vec::new();
+    for value in values {
+        if !found.contains(&value) {
+            found.push(value);
+        }
+    }
+    found
 }

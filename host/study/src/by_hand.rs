@@ -5,12 +5,6 @@
 //! energy limit allows, low power the least of the paper's range; small and large lie near the ends
 //! of registration's ranges. Everything else stays at the default. Our detector has a threshold on
 //! σ beside the noise floor, so a dense cloud needs both to be low.
-//!
-//! | case | power | gain | floor | σ | normals, outdoor | pairs | normals, paper | pairs |
-//! |---|---|---|---|---|---|---|---|---|
-//! | dense | 80 W | 20 dB | 0.0005 | 3 | 10 within 0.3 m | 0.1 m | 10 within 0.02 m | 0.1 m |
-//! | sparse | 5 W | | 0.05 | | 10 within 0.3 m | 3 m | 10 within 0.02 m | 2 m |
-//! | careful | 80 W | | 0.02 | | 50 within 5 m | 0.3 m | 50 within 0.1 m | 0.5 m |
 
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
@@ -34,7 +28,6 @@ pub enum ByHand {
 
 /// Settings of a case.
 struct Case {
-    number: usize,
     lidar: &'static [(&'static str, f64)],
     normal_neighbours: i64,
     /// With ranges for outdoors, and with the paper's.
@@ -42,34 +35,32 @@ struct Case {
     max_pair_distance_m: [f64; 2],
 }
 
-const DENSE: Case = Case {
-    number: 1,
-    lidar: &[
-        ("lidar.power", 80.0),
-        ("lidar.gain", 20.0),
-        ("lidar.noise_floor", 5e-4),
-        ("lidar.snr_threshold", 3.0),
-    ],
-    normal_neighbours: 10,
-    normal_radius_m: [0.3, 0.02],
-    max_pair_distance_m: [0.1, 0.1],
-};
-
-const SPARSE: Case = Case {
-    number: 2,
-    lidar: &[("lidar.power", 5.0), ("lidar.noise_floor", 0.05)],
-    normal_neighbours: 10,
-    normal_radius_m: [0.3, 0.02],
-    max_pair_distance_m: [3.0, 2.0],
-};
-
-const CAREFUL: Case = Case {
-    number: 3,
-    lidar: &[("lidar.power", 80.0), ("lidar.noise_floor", 0.02)],
-    normal_neighbours: 50,
-    normal_radius_m: [5.0, 0.1],
-    max_pair_distance_m: [0.3, 0.5],
-};
+/// In the paper's order.
+const CASES: [Case; 3] = [
+    Case {
+        lidar: &[
+            ("lidar.power", 80.0),
+            ("lidar.gain", 20.0),
+            ("lidar.noise_floor", 5e-4),
+            ("lidar.snr_threshold", 3.0),
+        ],
+        normal_neighbours: 10,
+        normal_radius_m: [0.3, 0.02],
+        max_pair_distance_m: [0.1, 0.1],
+    },
+    Case {
+        lidar: &[("lidar.power", 5.0), ("lidar.noise_floor", 0.05)],
+        normal_neighbours: 10,
+        normal_radius_m: [0.3, 0.02],
+        max_pair_distance_m: [3.0, 2.0],
+    },
+    Case {
+        lidar: &[("lidar.power", 80.0), ("lidar.noise_floor", 0.02)],
+        normal_neighbours: 50,
+        normal_radius_m: [5.0, 0.1],
+        max_pair_distance_m: [0.3, 0.5],
+    },
+];
 
 impl ByHand {
     /// Method of all cases.
@@ -78,22 +69,14 @@ impl ByHand {
     /// In the paper's order.
     pub const ALL: [Self; 3] = [Self::Dense, Self::Sparse, Self::Careful];
 
-    fn case(self) -> &'static Case {
-        match self {
-            Self::Dense => &DENSE,
-            Self::Sparse => &SPARSE,
-            Self::Careful => &CAREFUL,
-        }
-    }
-
     /// Number of the case in the paper.
     pub fn number(self) -> usize {
-        self.case().number
+        self as usize + 1
     }
 
     /// Settings of the case, over the defaults.
     pub fn overrides(self, ranges: Preset) -> Vec<Override> {
-        let case = self.case();
+        let case = &CASES[self as usize];
         let lengths = [
             ("registration.normal_radius_m", case.normal_radius_m),
             ("registration.max_pair_distance_m", case.max_pair_distance_m),
@@ -106,7 +89,7 @@ impl ByHand {
 
     /// Settings of the case in words.
     pub fn in_words(self, ranges: Preset) -> String {
-        let case = self.case();
+        let case = &CASES[self as usize];
         let [radius, distance] =
             [case.normal_radius_m, case.max_pair_distance_m].map(|of| of[ranges as usize]);
         let sensor = case.lidar.iter().map(|&(key, value)| match key {

@@ -221,8 +221,6 @@ pub fn tuned_by(cell: &Cell) -> String {
 
 #[cfg(test)]
 mod tests {
-    use clap::ValueEnum;
-
     use super::*;
     use echoloop_closed_loop::config::{FgrMode, Method};
 
@@ -249,23 +247,5 @@ mod tests {
             cell.config(&base).unwrap().data.train_pairs
         };
         assert_eq!((fast(TableMethod::Icp), fast(TableMethod::Mac)), (30, 100));
-    }
-
-    #[test]
-    fn every_ablation_gives_a_configuration_and_changes_it_or_where_it_is_trained() {
-        let base = Base::default();
-        let plain = Cell::start(Preset::Outdoor, TableMethod::Icp, Scene::Unstructured)
-            .searched(Strategy::Fast, Protocol::Joint);
-        let usual = plain.config(&base).unwrap();
-        for &ablation in Ablation::value_variants() {
-            let cell = Cell { ablation: Some(ablation), ..plain };
-            let config = cell.config(&base).unwrap();
-            let trained_in = cell.trained_in(&config);
-            assert!(config != usual || trained_in.is_some(), "{ablation:?} switches nothing");
-            assert_eq!(cell.untuned().trained_in(&config), None, "it has no search");
-            assert_eq!(cell.plain(), plain);
-        }
-        let other = Cell { ablation: Ablation::named("other-kind"), ..plain };
-        assert_eq!(other.trained_in(&usual).unwrap().scene.source, "structured");
     }
 }

@@ -46,21 +46,19 @@ impl Times {
 
     /// Seconds a registration, of the most similar cells.
     fn rate(&self, cell: &Cell) -> Option<f64> {
-        let plain = |other: &Cell| other.plain() == cell.plain();
-        let search = |other: &Cell| {
-            (other.method, other.ranges, other.protocol, other.strategy)
-                == (cell.method, cell.ranges, cell.protocol, cell.strategy)
+        let similarities = |other: &Cell| {
+            let same = (other.method, other.ranges) == (cell.method, cell.ranges);
+            let search = (other.protocol, other.strategy) == (cell.protocol, cell.strategy);
+            [
+                other == cell,
+                other.plain() == cell.plain(),
+                same && search,
+                same && other.protocol == Protocol::Default,
+                same,
+                other.method == cell.method,
+            ]
         };
-        let start = |other: &Cell| {
-            (other.method, other.ranges, other.protocol)
-                == (cell.method, cell.ranges, Protocol::Default)
-        };
-        let same = |other: &Cell| (other.method, other.ranges) == (cell.method, cell.ranges);
-        let by_similarity: [&dyn Fn(&Cell) -> bool; 6] =
-            [&|other| other == cell, &plain, &search, &start, &same, &|other| {
-                other.method == cell.method
-            }];
-        by_similarity.iter().find_map(|is_similar| self.mean(is_similar))
+        (0..6).find_map(|rank| self.mean(&|other| similarities(other)[rank]))
     }
 
     fn mean(&self, is_similar: &dyn Fn(&Cell) -> bool) -> Option<f64> {

@@ -27,10 +27,7 @@ use echoloop_closed_loop::run_folder::files::{FileError, Lock, file_error, make_
 
 const PLAN: &str = "plan.json";
 const CELLS: &str = "cells";
-const RUNS: &str = "runs";
 const TIMES: &str = "times.json";
-const TABLE: &str = "table.json";
-const PAGE: &str = "report.html";
 /// Held by the process that writes the folder.
 const LOCK: &str = "run.lock";
 
@@ -112,7 +109,10 @@ impl Folder {
         // Read again: before the lock another process may have written its plan.
         let found = Self::plan_of(path)?;
         let is_new = found.is_none();
-        found.map(|found| check_plan(path, &found, &plan)).transpose()?;
+        if let Some((name, was, is)) = found.and_then(|found| found.difference(&plan)) {
+            let [name, was, is] = [name, was, is].map(|text| shown(&text));
+            return Err(FolderError::OtherPlan { path: path.to_owned(), name, was, is });
+        }
         let folder = Self { path: path.to_owned(), plan, _lock: Some(lock) };
         make_folders(&path.join(CELLS))?;
         if is_new {
@@ -161,10 +161,9 @@ impl Folder {
     /// build than this folder's.
     pub fn record(&self, cell: &Cell) -> Result<Option<Record>, FolderError> {
         let path = self.cell_file(cell, "json");
-        let record = read::<Record>(&path).map_err(FolderError::BrokenRecord)?;
-        let Some(record) = record else { return Ok(None) };
-        match self.plan.mismatch(&record, cell) {
-            None => Ok(Some(record)),
+        let record: Option<Record> = read(&path).map_err(FolderError::BrokenRecord)?;
+        match record.as_ref().and_then(|record| self.plan.mismatch(record, cell)) {
+            None => Ok(record),
             Some((name, was, is)) => {
                 let [was, is] = [was, is].map(|text| shown(&text));
                 Err(FolderError::OtherRecord { path, name, was, is })
@@ -188,7 +187,13 @@ impl Folder {
     /// [`FolderError`].
     pub fn save(&self, record: &Record) -> Result<(), FolderError> {
         self.write(&self.cell_file(&record.cell, "json"), record)?;
-        self.forget_failure(&record.cell)
+        let path = self.cell_file(&record.cell, "failed");
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                Err(file_error("remove", &path)(error).into())
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Writes the reason why a cell failed.
@@ -200,19 +205,9 @@ impl Folder {
         self.write(&self.cell_file(cell, "failed"), &why)
     }
 
-    fn forget_failure(&self, cell: &Cell) -> Result<(), FolderError> {
-        let path = self.cell_file(cell, "failed");
-        match fs::remove_file(&path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                Err(file_error("remove", &path)(error).into())
-            }
-            _ => Ok(()),
-        }
-    }
-
     /// Run folder of a cell's search.
     pub fn run_of(&self, cell: &Cell) -> PathBuf {
-        self.path.join(RUNS).join(cell.file_name())
+        self.path.join("runs").join(cell.file_name())
     }
 
     /// Durations of the cells.
@@ -239,8 +234,8 @@ impl Folder {
     ///
     /// [`FolderError`].
     pub fn save_table(&self, table: &impl Serialize, page: &str) -> Result<PathBuf, FolderError> {
-        self.write(&self.path.join(TABLE), table)?;
-        let path = self.path.join(PAGE);
+        self.write(&self.path.join("table.json"), table)?;
+        let path = self.path.join("report.html");
         replace(&path, page.as_bytes())?;
         Ok(path)
     }
@@ -253,16 +248,6 @@ impl Folder {
         let text = serde_json::to_string_pretty(value).map_err(io::Error::from);
         let text = text.map_err(file_error("write", path))?;
         Ok(replace(path, (text + "\n").as_bytes())?)
-    }
-}
-
-fn check_plan(path: &Path, found: &Plan, wanted: &Plan) -> Result<(), FolderError> {
-    match found.difference(wanted) {
-        None => Ok(()),
-        Some((name, was, is)) => {
-            let [name, was, is] = [name, was, is].map(|text| shown(&text));
-            Err(FolderError::OtherPlan { path: path.to_owned(), name, was, is })
-        }
     }
 }
 

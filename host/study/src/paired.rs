@@ -80,26 +80,15 @@ fn beside(joint: &Record, other: &Record) -> Option<Paired> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::record::fixture::summary;
     use super::*;
     use crate::{Scene, TableMethod};
     use echoloop_closed_loop::config::DataConfig;
     use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
     use echoloop_closed_loop::dataset::fingerprint::Content;
-    use echoloop_closed_loop::evaluation::summary::Summary;
     use echoloop_closed_loop::parameters::Values;
 
     fn record(protocol: Protocol, errors_m: &[f64]) -> Record {
-        let error = |(pair, &translation_m): (usize, &f64)| PairError {
-            pair,
-            translation_m,
-            rotation_deg: 0.0,
-            frobenius: translation_m,
-            points: [100, 100],
-            stop: String::new(),
-            iterations: 1,
-        };
-        let data = DataConfig::default();
-        let errors = errors_m.iter().enumerate().map(error).collect();
         Record {
             format: Record::FORMAT,
             cell: Cell {
@@ -117,8 +106,8 @@ mod tests {
             generations: 0,
             registrations: 0,
             parameters: Values::default(),
-            data,
-            summary: Summary::from_errors(errors, &data),
+            data: DataConfig::default(),
+            summary: summary(errors_m),
         }
     }
 

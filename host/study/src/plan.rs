@@ -37,7 +37,8 @@ impl Plan {
 
     /// Plan of the configuration that all cells vary.
     pub fn new(config: &RunConfig, quick: bool) -> Self {
-        let settings = settings(config);
+        let mut settings = BTreeMap::new();
+        flatten("", &toml::Table::try_from(config).unwrap_or_default(), &mut settings);
         Self {
             format: Self::FORMAT,
             version: env!("CARGO_PKG_VERSION").into(),
@@ -77,16 +78,14 @@ impl Plan {
                 ("--quick", plan.quick.to_string()),
             ]
         };
-        let mut pairs = facts(self).into_iter().zip(facts(other));
-        let found = pairs.find(|((_, was), (_, is))| was != is);
-        found.map(|((name, was), (_, is))| (name.to_owned(), was, is)).or_else(|| {
-            let keys = self.settings.keys().chain(other.settings.keys());
-            let at = |plan: &Self, key: &String| plan.settings.get(key).cloned();
-            let mut values = keys.map(|key| (key.clone(), at(self, key), at(other, key)));
-            let none = || "not set".to_owned();
-            let (key, was, is) = values.find(|(_, was, is)| was != is)?;
-            Some((key, was.unwrap_or_else(none), is.unwrap_or_else(none)))
-        })
+        let facts = facts(self).into_iter().zip(facts(other));
+        let facts = facts.map(|((name, was), (_, is))| (name.to_owned(), was, is));
+        let at = |plan: &Self, key: &String| plan.settings.get(key).cloned();
+        let value = |plan: &Self, key| at(plan, key).unwrap_or_else(|| "not set".to_owned());
+        let keys = self.settings.keys().chain(other.settings.keys());
+        let keys = keys.filter(|key| at(self, key) != at(other, key));
+        let settings = keys.map(|key| (key.clone(), value(self, key), value(other, key)));
+        facts.filter(|(_, was, is)| was != is).chain(settings).next()
     }
 }
 
@@ -97,13 +96,6 @@ fn text(value: &Option<String>) -> String {
 /// Checksum of every value of a configuration.
 pub fn configuration(config: &RunConfig) -> String {
     Checksum::of(&[toml::to_string(config).unwrap_or_default().as_bytes()]).to_string()
-}
-
-fn settings(config: &RunConfig) -> BTreeMap<String, String> {
-    let mut settings = BTreeMap::new();
-    let table = toml::Table::try_from(config).unwrap_or_default();
-    flatten("", &table, &mut settings);
-    settings
 }
 
 #[cfg(test)]

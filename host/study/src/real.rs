@@ -1,60 +1,30 @@
 //! Real clouds: settings of registration that were tuned in simulation, evaluated on recorded pairs
 //! beside the defaults and beside settings chosen from the clouds themselves.
 
+use std::error::Error;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use echoloop_files::{MOST_TEXT, read_text, shown};
-use echoloop_registration::cloud::{Cloud, CloudError, read_cloud};
+use echoloop_registration::cloud::{Cloud, read_cloud};
 use echoloop_registration::pose::{
-    Pose, PoseError, read_pose, rotation_error_deg, to_rows, translation_error_m,
+    Pose, read_pose, rotation_error_deg, to_rows, translation_error_m,
 };
 use echoloop_registration::{Registration, build, suggest_method};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
-use super::axes::{TableMethod, name_of};
+use super::axes::{TableMethod, distinct, name_of};
 use super::cell::{Base, Cell, tuned};
 use super::folder::Folder;
 use echoloop_closed_loop::checksum::Checksum;
 use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
-use echoloop_closed_loop::config::{DataConfig, LoadError};
+use echoloop_closed_loop::config::{RegistrationConfig, RunConfig};
 use echoloop_closed_loop::parameters::{Parameters, ThetaReg, ValueError};
-use echoloop_closed_loop::run_folder::files::{FileError, file_error};
+use echoloop_closed_loop::run_folder::files::file_error;
 
-/// Reason why real clouds cannot be evaluated.
-#[derive(Debug, Error)]
-pub enum RealError {
-    /// The list or a file that it names cannot be read.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// The file is not a list of pairs.
-    #[error("{}: {problem}", path.display())]
-    List {
-        /// The list.
-        path: PathBuf,
-        /// The problem.
-        problem: String,
-    },
-    /// A cloud cannot be read.
-    #[error(transparent)]
-    Cloud(#[from] CloudError),
-    /// A true motion cannot be read.
-    #[error(transparent)]
-    Pose(#[from] PoseError),
-    /// A cell cannot be configured.
-    #[error(transparent)]
-    Load(#[from] LoadError),
-    /// A cell's parameters do not fit its configuration.
-    #[error("{cell}: {error}")]
-    Parameters {
-        /// The cell.
-        cell: String,
-        /// The problem.
-        error: ValueError,
-    },
-}
+/// Reason why real clouds cannot be evaluated; it names the file or the cell.
+pub type RealError = Box<dyn Error + Send + Sync>;
 
 /// A pair of the list.
 #[derive(Clone, Debug, Deserialize)]
@@ -92,9 +62,10 @@ pub struct RealPair {
 ///
 /// [`RealError`] names the file.
 pub fn read_real_pairs(list: &Path, folder: &Path) -> Result<Vec<RealPair>, RealError> {
-    let wrong = |problem: String| RealError::List { path: list.to_owned(), problem };
+    let wrong = |problem: String| RealError::from(format!("{}: {problem}", list.display()));
     let text = read_text(list, MOST_TEXT).map_err(file_error("read", list))?;
-    let entries: List = toml::from_str(&text).map_err(|error| wrong(shown(&error.to_string())))?;
+    let entries: Result<List, _> = toml::from_str(&text);
+    let entries = entries.map_err(|error| wrong(shown(&error.to_string())))?;
     if entries.pair.is_empty() {
         return Err(wrong("no pair; expected [[pair]] with name, target and source".into()));
     }
@@ -144,25 +115,12 @@ fn content(clouds: [&Cloud; 2], motion: &Pose) -> String {
     Checksum::of(&[&count.to_le_bytes(), &points, &motion]).to_string()
 }
 
-/// Origin of settings.
-#[derive(Clone, Debug, PartialEq)]
-enum Origin {
-    /// Defaults of a preset.
-    Default(Preset),
-    /// Chosen from the two clouds, without the true motion.
-    Clouds,
-    /// A cell's search.
-    Tuned(Cell),
-}
-
-/// A method and its settings.
-#[derive(Clone, Debug)]
+/// A method with its settings, and the start of its row.
 struct Entrant {
-    method: TableMethod,
-    origin: Origin,
+    row: RealRow,
     /// `None`: chosen from each pair's clouds.
     settings: Option<ThetaReg>,
-    data: DataConfig,
+    config: RunConfig,
 }
 
 /// Result of one pair.
@@ -231,82 +189,93 @@ pub fn judge_real(
         })
         .collect();
     let each = judged.chunks(pairs.len());
-    Ok(entrants.iter().zip(each).map(|(entrant, judged)| entrant.row(judged)).collect())
+    Ok(entrants.into_iter().zip(each).map(|(entrant, judged)| entrant.row(judged)).collect())
 }
 
 /// Settings to evaluate, each once, by method: first those without a search.
 fn entrants(base: &Base, folder: &Folder, cells: &[Cell]) -> Result<Vec<Entrant>, RealError> {
+    let plain = || cells.iter().filter(|cell| cell.ablation.is_none());
     let mut entrants: Vec<Entrant> = Vec::new();
-    let mut methods: Vec<TableMethod> = Vec::new();
-    for cell in cells.iter().filter(|cell| cell.ablation.is_none()) {
-        if !methods.contains(&cell.method) {
-            methods.push(cell.method);
-        }
-    }
-    for method in methods {
-        let of_method: Vec<&Cell> =
-            cells.iter().filter(|c| c.ablation.is_none() && c.method == method).collect();
+    for method in distinct(plain().map(|cell| cell.method)) {
+        let of_method = || plain().filter(|cell| cell.method == method);
         let mut add = |entrant: Entrant| {
-            if !entrants.iter().any(|e| (e.method, &e.origin) == (method, &entrant.origin)) {
+            let of = |e: &Entrant| (e.row.method, e.row.settings.clone());
+            if !entrants.iter().any(|known| of(known) == of(&entrant)) {
                 entrants.push(entrant);
             }
         };
-        for cell in &of_method {
-            add(untuned(base, cell)?);
+        for cell in of_method() {
+            add(Entrant::untuned(base, cell)?);
         }
-        for cell in &of_method {
-            let data = cell.config(base)?.data;
-            add(Entrant { method, origin: Origin::Clouds, settings: None, data });
+        for cell in of_method() {
+            add(Entrant::new(cell, cell.config(base)?, "chosen from the clouds".into(), None));
         }
-        for cell in of_method {
-            if matches!(cell.protocol, Protocol::Registration | Protocol::Joint)
-                && let Some(tuned) = of_cell(base, folder, cell)?
-            {
-                add(tuned);
-            }
+        for cell in of_method() {
+            Entrant::tuned(base, folder, cell)?.into_iter().for_each(&mut add);
         }
     }
     Ok(entrants)
 }
 
-fn untuned(base: &Base, cell: &Cell) -> Result<Entrant, RealError> {
-    let config = cell.untuned().config(base)?;
-    let named = |error| RealError::Parameters { cell: cell.to_string(), error };
-    let start = Parameters::start(&config, &config.hardware()).map_err(named)?;
-    Ok(Entrant {
-        method: cell.method,
-        origin: Origin::Default(cell.ranges),
-        settings: Some(start.registration),
-        data: config.data,
-    })
-}
-
-/// Settings that a cell's search chose; none where it is unfinished or its record cannot be used.
-fn of_cell(base: &Base, folder: &Folder, cell: &Cell) -> Result<Option<Entrant>, RealError> {
-    let Some(record) = folder.record(cell).ok().flatten() else { return Ok(None) };
-    let config = cell.config(base)?;
-    let named = |error| RealError::Parameters { cell: cell.to_string(), error };
-    let hardware = config.hardware();
-    let start = Parameters::start(&config, &hardware).map_err(named)?;
-    let tuned = start.with_values(&record.parameters, &config, &hardware).map_err(named)?;
-    Ok(Some(Entrant {
-        method: cell.method,
-        origin: Origin::Tuned(*cell),
-        settings: Some(tuned.registration),
-        data: config.data,
-    }))
+/// Parameters that do not fit a cell's configuration.
+fn misfit(cell: &Cell, error: ValueError) -> RealError {
+    format!("{cell}: {error}").into()
 }
 
 impl Entrant {
+    fn new(cell: &Cell, config: RunConfig, settings: String, theta: Option<ThetaReg>) -> Self {
+        let row = RealRow {
+            method: cell.method,
+            settings,
+            default: None,
+            cell: None,
+            pairs: Vec::new(),
+            found: 0,
+            mean_translation_m: None,
+            mean_rotation_deg: None,
+        };
+        Self { row, settings: theta, config }
+    }
+
+    /// Defaults of a cell's preset.
+    fn untuned(base: &Base, cell: &Cell) -> Result<Self, RealError> {
+        let config = cell.untuned().config(base)?;
+        let start =
+            Parameters::start(&config, &config.hardware()).map_err(|error| misfit(cell, error))?;
+        let settings = format!("default, {}", name_of(cell.ranges));
+        let mut entrant = Self::new(cell, config, settings, Some(start.registration));
+        entrant.row.default = Some(cell.ranges);
+        Ok(entrant)
+    }
+
+    /// Settings that a cell's search of registration chose; none where it is unfinished or its
+    /// record cannot be used.
+    fn tuned(base: &Base, folder: &Folder, cell: &Cell) -> Result<Option<Self>, RealError> {
+        let is_tuned = matches!(cell.protocol, Protocol::Registration | Protocol::Joint);
+        let record = is_tuned.then(|| folder.record(cell).ok().flatten()).flatten();
+        let Some(record) = record else { return Ok(None) };
+        let config = cell.config(base)?;
+        let hardware = config.hardware();
+        let start = Parameters::start(&config, &hardware).map_err(|error| misfit(cell, error))?;
+        let theta = start
+            .with_values(&record.parameters, &config, &hardware)
+            .map_err(|error| misfit(cell, error))?;
+        let by = if cell.strategy == Some(Strategy::Paper) { ", paper's search" } else { "" };
+        let (scene, ranges) = (name_of(cell.scene), name_of(cell.ranges));
+        let settings = format!("tuned, {}, {scene}, {ranges}{by}", tuned(cell));
+        let mut entrant = Self::new(cell, config, settings, Some(theta.registration));
+        entrant.row.cell = Some(*cell);
+        Ok(Some(entrant))
+    }
+
     /// Registers a pair from the identity, as for the cells.
     fn judge(&self, pair: &RealPair) -> RealOutcome {
         let (target, source) = (&pair.target, &pair.source);
+        let RunConfig { registration: RegistrationConfig { method, mode, .. }, data, .. } =
+            &self.config;
         let built: Option<Box<dyn Registration>> = match &self.settings {
             Some(settings) => settings.build().ok(),
-            None => {
-                let (method, mode) = self.method.method();
-                build(&suggest_method(method, mode, None, target, source), None).ok()
-            }
+            None => build(&suggest_method(*method, *mode, None, target, source), None).ok(),
         };
         let start = Pose::identity();
         let outcome = built.map(|method| method.register(target, source, &start));
@@ -315,48 +284,24 @@ impl Entrant {
         });
         let translation_m = translation_error_m(&estimate, &pair.target_from_source);
         let rotation_deg = rotation_error_deg(&estimate, &pair.target_from_source);
-        let found = translation_m <= self.data.success_translation_m
-            && rotation_deg <= self.data.success_rotation_deg;
+        let found = translation_m <= data.success_translation_m
+            && rotation_deg <= data.success_rotation_deg;
         let (name, content) = (pair.name.clone(), pair.content.clone());
         RealOutcome { name, content, translation_m, rotation_deg, found, stop }
     }
 
-    fn row(&self, judged: &[RealOutcome]) -> RealRow {
-        let found: Vec<&RealOutcome> = judged.iter().filter(|outcome| outcome.found).collect();
+    fn row(self, pairs: &[RealOutcome]) -> RealRow {
+        let found: Vec<&RealOutcome> = pairs.iter().filter(|outcome| outcome.found).collect();
         let mean = |value: fn(&RealOutcome) -> f64| {
             let sum: f64 = found.iter().map(|outcome| value(outcome)).sum();
             (!found.is_empty()).then(|| sum / found.len() as f64)
         };
         RealRow {
-            method: self.method,
-            settings: self.settings_from(),
-            default: match self.origin {
-                Origin::Default(ranges) => Some(ranges),
-                _ => None,
-            },
-            cell: match self.origin {
-                Origin::Tuned(cell) => Some(cell),
-                _ => None,
-            },
             found: found.len(),
             mean_translation_m: mean(|outcome| outcome.translation_m),
             mean_rotation_deg: mean(|outcome| outcome.rotation_deg),
-            pairs: judged.to_vec(),
-        }
-    }
-
-    fn settings_from(&self) -> String {
-        match &self.origin {
-            Origin::Default(ranges) => format!("default, {}", name_of(*ranges)),
-            Origin::Clouds => "chosen from the clouds".into(),
-            Origin::Tuned(cell) => {
-                let by = match cell.strategy {
-                    Some(Strategy::Paper) => ", paper's search",
-                    _ => "",
-                };
-                let (scene, ranges) = (name_of(cell.scene), name_of(cell.ranges));
-                format!("tuned, {}, {scene}, {ranges}{by}", tuned(cell))
-            }
+            pairs: pairs.to_vec(),
+            ..self.row
         }
     }
 }

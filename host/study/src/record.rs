@@ -64,3 +64,24 @@ impl Record {
     /// Version of the format that is written.
     pub const FORMAT: u32 = 1;
 }
+
+#[cfg(test)]
+pub(super) mod fixture {
+    use super::*;
+    use echoloop_closed_loop::evaluation::objective::PairError;
+
+    /// Summary of pairs with these translation errors, m, and as many degrees.
+    pub(crate) fn summary(errors_m: &[f64]) -> Summary {
+        let error = |(pair, &translation_m): (usize, &f64)| PairError {
+            pair,
+            translation_m,
+            rotation_deg: translation_m,
+            frobenius: translation_m,
+            points: [100, 100],
+            stop: String::new(),
+            iterations: 1,
+        };
+        let errors = errors_m.iter().enumerate().map(error).collect();
+        Summary::from_errors(errors, &DataConfig::default())
+    }
+}

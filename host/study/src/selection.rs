@@ -1,6 +1,6 @@
 //! Selection of cells, in the order in which they are run.
 
-use clap::ValueEnum;
+use clap::{Args, ValueEnum};
 
 use super::ablation::Ablation;
 use super::axes::{Scene, TableMethod};
@@ -8,22 +8,30 @@ use super::by_hand::ByHand;
 use super::cell::Cell;
 use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 
-/// Values selected along each axis of the table; none selects all.
-#[derive(Clone, Debug, Default)]
+/// Values selected along each axis of the table; none selects all. Also flags of a command.
+#[derive(Clone, Debug, Default, Args)]
 pub struct Selection {
-    /// Methods.
-    pub methods: Vec<TableMethod>,
-    /// Kinds of country.
-    pub scenes: Vec<Scene>,
-    /// Protocols: what is tuned.
-    pub protocols: Vec<Protocol>,
-    /// Ranges of registration.
+    /// Only these methods.
+    #[arg(long, value_delimiter = ',')]
+    pub method: Vec<TableMethod>,
+    /// Only these kinds of country.
+    #[arg(long, value_delimiter = ',')]
+    pub scene: Vec<Scene>,
+    /// Only these protocols: what is tuned.
+    #[arg(long, value_delimiter = ',')]
+    pub protocol: Vec<Protocol>,
+    /// Only these ranges and defaults of registration.
+    #[arg(long, value_delimiter = ',')]
     pub ranges: Vec<Preset>,
-    /// Search strategies.
-    pub strategies: Vec<Strategy>,
-    /// Switches; none selects the table itself.
-    pub ablations: Vec<Ablation>,
-    /// True when the cases tuned by hand, which are of one method, are selected too.
+    /// Only these ways to search.
+    #[arg(long, value_delimiter = ',')]
+    pub strategy: Vec<Strategy>,
+    /// Switch one thing, or one after the other, for a second table; by default with our search and
+    /// ranges for outdoors.
+    #[arg(long, value_delimiter = ',')]
+    pub ablation: Vec<Ablation>,
+    /// Also three cases tuned by hand, as in the paper's Fig. 1, of ICP.
+    #[arg(long, conflicts_with = "ablation")]
     pub by_hand: bool,
 }
 
@@ -31,13 +39,12 @@ impl Selection {
     /// Cells in the order they are run: first those where nothing is tuned, as their times predict
     /// the others'; then searches, ours with ranges for outdoors before the paper's.
     pub fn cells(&self) -> Vec<Cell> {
-        let mut ablations = vec![None];
-        if !self.ablations.is_empty() {
-            ablations = self.ablations.iter().copied().map(Some).collect();
-        }
-        let (untuned, tuned): (Vec<Protocol>, Vec<Protocol>) = chosen(&self.protocols)
-            .into_iter()
-            .partition(|protocol| *protocol == Protocol::Default);
+        let ablations: Vec<Option<Ablation>> = match &*self.ablation {
+            [] => vec![None],
+            some => some.iter().copied().map(Some).collect(),
+        };
+        let (untuned, tuned): (Vec<Protocol>, Vec<Protocol>) =
+            chosen(&self.protocol).into_iter().partition(|protocol| *protocol == Protocol::Default);
         let mut cells = Vec::new();
         for &ablation in &ablations {
             cells.extend(self.product(ablation, None, &untuned));
@@ -46,7 +53,7 @@ impl Selection {
             cells.extend(self.set_by_hand());
         }
         for ablation in ablations {
-            for strategy in chosen(&self.strategies) {
+            for strategy in chosen(&self.strategy) {
                 cells.extend(self.product(ablation, Some(strategy), &tuned));
             }
         }
@@ -55,7 +62,7 @@ impl Selection {
 
     /// The cases tuned by hand, with the ranges and scenes selected.
     pub fn set_by_hand(&self) -> Vec<Cell> {
-        let of_method = Self { methods: vec![ByHand::METHOD], ..self.clone() };
+        let of_method = Self { method: vec![ByHand::METHOD], ..self.clone() };
         let starts = of_method.product(None, None, &[Protocol::Default]);
         let by_hand = |cell: Cell| ByHand::ALL.map(|hand| Cell { by_hand: Some(hand), ..cell });
         starts.into_iter().flat_map(by_hand).collect()
@@ -70,8 +77,8 @@ impl Selection {
     ) -> Vec<Cell> {
         let mut cells = Vec::new();
         for ranges in chosen(&self.ranges) {
-            for scene in chosen(&self.scenes) {
-                for method in chosen(&self.methods) {
+            for scene in chosen(&self.scene) {
+                for method in chosen(&self.method) {
                     let start = Cell { ablation, strategy, ..Cell::start(ranges, method, scene) };
                     cells.extend(protocols.iter().map(|&protocol| Cell { protocol, ..start }));
                 }

@@ -3,7 +3,7 @@
 //! Text, page and LaTeX are written from the same sheets.
 
 use super::axes::name_of;
-use super::cell::{tuned, tuned_by};
+use super::cell::{Cell, tuned, tuned_by};
 use super::table::{Row, Table};
 use super::wording::{FIGURES, absent};
 use echoloop_closed_loop::config::preset::{Preset, Strategy};
@@ -55,8 +55,22 @@ impl Table {
         let searches = self.searches().into_iter().map(|(ranges, strategy)| {
             (Part::Search(ranges, strategy), self.of_search(ranges, strategy))
         });
-        let others =
-            [(Part::ByHand, self.of_by_hand()), (Part::Switches, self.of_ablations())].into_iter();
+        let by_hand = self.sorted(
+            |cell| cell.by_hand.is_some(),
+            |cell| {
+                let hand = cell.by_hand.map(|hand| hand as usize);
+                (cell.ranges as usize, cell.scene as usize, hand)
+            },
+        );
+        let switches = self.sorted(
+            |cell| cell.ablation.is_some(),
+            |cell| {
+                let Cell { ablation, ranges, strategy, protocol, method, scene, .. } = *cell;
+                let search = (ranges as usize, strategy.map(|strategy| strategy as usize));
+                (ablation, method as usize, scene as usize, search, protocol as usize)
+            },
+        );
+        let others = [(Part::ByHand, by_hand), (Part::Switches, switches)].into_iter();
         let sheet = |(part, rows)| Sheet { table: self, part, rows };
         searches.chain(others).map(sheet).filter(|sheet| !sheet.rows.is_empty()).collect()
     }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::axes::{Scene, TableMethod};
+use super::axes::distinct;
 use super::cell::Cell;
 use super::folder::{Folder, FolderError};
 use super::paired::{Paired, paired};
@@ -10,7 +10,7 @@ use super::paper::{PaperFigures, paper};
 use super::plan::Plan;
 use super::real::RealRow;
 use super::record::{Record, TrainedIn};
-use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
+use echoloop_closed_loop::config::preset::{Preset, Strategy};
 use echoloop_closed_loop::dataset::fingerprint::Content;
 use echoloop_closed_loop::evaluation::gain::{Estimate, Figures};
 use echoloop_closed_loop::parameters::{Values, written_values};
@@ -128,51 +128,30 @@ impl Table {
     /// Ranges and strategies of the searches without a switch, each once.
     pub fn searches(&self) -> Vec<(Preset, Option<Strategy>)> {
         let plain = || self.rows.iter().map(|row| row.cell).filter(Cell::is_of_the_table);
-        let mut found = Vec::new();
         let has_searches = plain().any(|cell| cell.strategy.is_some());
-        for cell in plain().filter(|cell| cell.strategy.is_some() || !has_searches) {
-            if !found.contains(&(cell.ranges, cell.strategy)) {
-                found.push((cell.ranges, cell.strategy));
-            }
-        }
-        found
+        let searches = plain().filter(|cell| cell.strategy.is_some() || !has_searches);
+        distinct(searches.map(|cell| (cell.ranges, cell.strategy)))
     }
 
     /// Rows of a search and its start, by method, then scene.
     pub fn of_search(&self, ranges: Preset, strategy: Option<Strategy>) -> Vec<&Row> {
-        let is_of = |row: &&Row| {
-            let cell = row.cell;
+        let is_of = |cell: &Cell| {
             let same = cell.strategy == strategy || cell.strategy.is_none();
             cell.is_of_the_table() && cell.ranges == ranges && same
         };
-        let mut rows: Vec<&Row> = self.rows.iter().filter(is_of).collect();
-        let place = |method: TableMethod, scene: Scene, protocol: Protocol| {
-            (method as usize, scene as usize, protocol as usize)
-        };
-        rows.sort_by_key(|row| place(row.cell.method, row.cell.scene, row.cell.protocol));
-        rows
+        let place =
+            |cell: &Cell| [cell.method as usize, cell.scene as usize, cell.protocol as usize];
+        self.sorted(is_of, place)
     }
 
-    /// Rows of the cases tuned by hand, by scene.
-    pub fn of_by_hand(&self) -> Vec<&Row> {
-        let mut rows: Vec<&Row> =
-            self.rows.iter().filter(|row| row.cell.by_hand.is_some()).collect();
-        rows.sort_by_key(|row| {
-            let hand = row.cell.by_hand.map(|hand| hand as usize);
-            (row.cell.ranges as usize, row.cell.scene as usize, hand)
-        });
-        rows
-    }
-
-    /// Rows of the cells with a switch, by switch.
-    pub fn of_ablations(&self) -> Vec<&Row> {
-        let mut rows: Vec<&Row> =
-            self.rows.iter().filter(|row| row.cell.ablation.is_some()).collect();
-        rows.sort_by_key(|row| {
-            let Cell { ablation, ranges, strategy, protocol, method, scene, .. } = row.cell;
-            let search = (ranges as usize, strategy.map(|strategy| strategy as usize));
-            (ablation, method as usize, scene as usize, search, protocol as usize)
-        });
+    /// Rows of some cells, by a key.
+    pub(super) fn sorted<K: Ord>(
+        &self,
+        is_of: impl Fn(&Cell) -> bool,
+        key: impl Fn(&Cell) -> K,
+    ) -> Vec<&Row> {
+        let mut rows: Vec<&Row> = self.rows.iter().filter(|row| is_of(&row.cell)).collect();
+        rows.sort_by_key(|row| key(&row.cell));
         rows
     }
 }
@@ -235,31 +214,18 @@ fn is_best_or_holds(own: Estimate, best: f64, more_is_better: bool) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::axes::{Scene, TableMethod};
+    use super::super::record::fixture::summary;
     use super::*;
     use echoloop_closed_loop::config::DataConfig;
-    use echoloop_closed_loop::evaluation::objective::PairError;
-    use echoloop_closed_loop::evaluation::summary::Summary;
-
-    fn figures(errors_m: &[f64]) -> Figures<Estimate> {
-        let error = |(pair, &translation_m): (usize, &f64)| PairError {
-            pair,
-            translation_m,
-            rotation_deg: translation_m,
-            frobenius: translation_m,
-            points: [100, 100],
-            stop: String::new(),
-            iterations: 1,
-        };
-        let data = DataConfig::default();
-        let errors = errors_m.iter().enumerate().map(error).collect();
-        Figures::of(&Summary::from_errors(errors, &data), &data)
-    }
+    use echoloop_closed_loop::config::preset::Protocol;
 
     fn row(protocol: Protocol, errors_m: &[f64]) -> Row {
         let strategy = (protocol != Protocol::Default).then_some(Strategy::Fast);
         let start = Cell::start(Preset::Outdoor, TableMethod::Icp, Scene::Structured);
         let cell = Cell { strategy, protocol, ..start };
-        let figures = (!errors_m.is_empty()).then(|| figures(errors_m));
+        let figures =
+            (!errors_m.is_empty()).then(|| Figures::of(&summary(errors_m), &DataConfig::default()));
         Row { cell, paper: None, figures, made: None, error: None }
     }
 

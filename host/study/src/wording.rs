@@ -1,6 +1,7 @@
 //! Wording and number formats of the table, the same in text and page.
 
 use super::axes::name_of;
+use super::cell::Cell;
 use super::paired::Paired;
 use super::paper::PaperFigures;
 use super::table::{Row, Table, Verdict};
@@ -158,25 +159,34 @@ pub fn remarks(table: &Table) -> Vec<String> {
     remarks
 }
 
-/// A sentence for each search: joint tuning against registration alone, on pairs that both find.
+/// A sentence for each search, from its wording and the predicate of its cells.
+fn of_searches(
+    table: &Table,
+    sentence: impl Fn(&str, &dyn Fn(&Cell) -> bool) -> Option<String>,
+) -> Vec<String> {
+    let of = |(ranges, strategy): (Preset, Option<Strategy>)| {
+        let is_of =
+            |cell: &Cell| (cell.ranges, cell.strategy, cell.ablation) == (ranges, strategy, None);
+        sentence(&search(ranges, strategy), &is_of)
+    };
+    table.searches().into_iter().filter_map(of).collect()
+}
+
+/// Joint tuning against registration alone, on pairs that both find.
 fn paired(table: &Table) -> Vec<String> {
-    let sentence = |(ranges, strategy): (Preset, Option<Strategy>)| {
-        let is_of = |paired: &&Paired| {
-            let cell = paired.cell;
-            (cell.ranges, cell.strategy, cell.ablation) == (ranges, strategy, None)
-                && paired.other.protocol == Protocol::Registration
+    of_searches(table, |search, is_of| {
+        let is_it = |paired: &&Paired| {
+            is_of(&paired.cell) && paired.other.protocol == Protocol::Registration
         };
-        let each: Vec<String> = table.paired.iter().filter(is_of).filter_map(beside).collect();
+        let each: Vec<String> = table.paired.iter().filter(is_it).filter_map(beside).collect();
         (!each.is_empty()).then(|| {
             format!(
-                "On the pairs that both find, with {}, the ratio of RTE with both tuned to RTE \
-                 with registration alone (geometric mean) is: {}.",
-                search(ranges, strategy),
+                "On the pairs that both find, with {search}, the ratio of RTE with both tuned to \
+                 RTE with registration alone (geometric mean) is: {}.",
                 each.join("; ")
             )
         })
-    };
-    table.searches().into_iter().filter_map(sentence).collect()
+    })
 }
 
 fn beside(paired: &Paired) -> Option<String> {
@@ -188,33 +198,25 @@ fn beside(paired: &Paired) -> Option<String> {
     ))
 }
 
-/// A sentence for each search: cells where joint tuning is best or its interval holds the best.
-pub(super) fn verdicts(table: &Table) -> Vec<String> {
-    let sentence = |(ranges, strategy): (Preset, Option<Strategy>)| {
-        let is_of = |verdict: &&Verdict| {
-            let cell = verdict.cell;
-            (cell.ranges, cell.strategy, cell.ablation) == (ranges, strategy, None)
-        };
-        let judged: Vec<&Verdict> = table.joint.iter().filter(is_of).collect();
-        let known: Vec<&Verdict> =
-            judged.iter().copied().filter(|verdict| verdict.holds().is_some()).collect();
+/// Cells where joint tuning is best or its interval holds the best.
+fn verdicts(table: &Table) -> Vec<String> {
+    of_searches(table, |search, is_of| {
+        let is_known = |verdict: &&Verdict| is_of(&verdict.cell) && verdict.holds().is_some();
+        let known: Vec<&Verdict> = table.joint.iter().filter(is_known).collect();
         let best = known.iter().filter(|verdict| verdict.holds() == Some(true)).count();
         let not: Vec<String> = known.iter().filter_map(|verdict| lost(verdict)).collect();
-        let behind = if not.is_empty() {
-            String::new()
-        } else {
-            format!(" It is not in {}.", not.join("; "))
+        let behind = match not.is_empty() {
+            true => String::new(),
+            false => format!(" It is not in {}.", not.join("; ")),
         };
         (!known.is_empty()).then(|| {
             format!(
-                "With {}, tuning both together is best, or the best lies within its interval, in \
-                 {best} of {} cells.{behind}",
-                search(ranges, strategy),
+                "With {search}, tuning both together is best, or the best lies within its \
+                 interval, in {best} of {} cells.{behind}",
                 known.len()
             )
         })
-    };
-    table.searches().into_iter().filter_map(sentence).collect()
+    })
 }
 
 /// A cell where it is not, and the figures concerned.

@@ -2,10 +2,12 @@
 
 use std::fmt::{Display, Write as _};
 
+use clap::ValueEnum;
+
 use super::written::real_figures;
 use echoloop_closed_loop::config::preset::Protocol;
 use echoloop_study::{
-    FIGURES, Part, RealRow, Row, Scene, Sheet, Table, TableMethod, name_of, paper, remarks, search,
+    FIGURES, Part, RealRow, Row, Scene, Sheet, Table, TableMethod, paper, remarks, search,
     subtitle, tuned, tuned_by,
 };
 
@@ -21,9 +23,7 @@ pub(super) fn latex(table: &Table) -> String {
         match sheet.part {
             Part::Search(ranges, strategy) => {
                 let _ = write!(text, "\n% {}\n{LATEX_HEAD}", search(ranges, strategy));
-                for protocol in
-                    [Protocol::Default, Protocol::Lidar, Protocol::Registration, Protocol::Joint]
-                {
+                for &protocol in Protocol::value_variants() {
                     latex_rows(&mut text, protocol, &sheet.rows);
                 }
                 text.push_str(LATEX_END);
@@ -52,23 +52,16 @@ fn latex_beside(text: &mut String, head: &str, sheet: &Sheet<'_>) {
         head.to_lowercase()
     );
     for row in &sheet.rows {
-        let cell = &row.cell;
         let other = sheet.other(row).and_then(|other| other.figures.as_ref());
         let own = latex_own(Some(row), [false; 3]).into_iter().zip(LATEX_ORDER);
-        let fields = own.flat_map(|(own, i)| {
+        let figures = own.flat_map(|(own, i)| {
             let theirs = other.map(|other| FIGURES[i].numbers(other)[0]).filter(|v| v.is_finite());
             [own, theirs.map_or("--".into(), |value| grey(FIGURES[i].digits(value)))]
         });
-        let _ = writeln!(
-            text,
-            "{} & {} & {} & {} & {} & {} \\\\",
-            cell.ablation.map(name_of).or(cell.by_hand.map(name_of)).unwrap_or_default(),
-            name_of(cell.ranges),
-            cell.method.title(),
-            name_of(cell.scene),
-            tuned_by(cell),
-            fields.collect::<Vec<_>>().join(" & ")
-        );
+        // Columns of both kinds of sheets: the one by hand has none for what was tuned.
+        let names = sheet.names(row).into_iter().take(4).chain([tuned_by(&row.cell)]);
+        let fields: Vec<String> = names.chain(figures).collect();
+        let _ = writeln!(text, "{} \\\\", fields.join(" & "));
     }
     text.push_str(LATEX_END);
 }
@@ -113,29 +106,19 @@ Tuned & Method & RTE [cm] & RRE [$^\\circ$] & Recall [\\%] & RTE [cm] & RRE [$^\
 const LATEX_ORDER: [usize; 3] = [1, 2, 0];
 
 fn latex_rows(text: &mut String, protocol: Protocol, rows: &[&Row]) {
-    let methods = [TableMethod::Icp, TableMethod::FgrOpen3d, TableMethod::Fgr, TableMethod::Mac];
-    let of = |method: TableMethod| -> Vec<&&Row> {
+    for &method in TableMethod::value_variants() {
         let is_of = |row: &&&Row| (row.cell.protocol, row.cell.method) == (protocol, method);
-        rows.iter().filter(is_of).collect()
-    };
-    for (method, of_method) in methods.map(|method| (method, of(method))) {
+        let of_method: Vec<&Row> = rows.iter().filter(is_of).copied().collect();
         let Some(first) = of_method.first() else { continue };
-        let scenes = [Scene::Structured, Scene::SemiStructured, Scene::Unstructured];
-        let at = |scene: Scene| of_method.iter().find(|row| row.cell.scene == scene);
-        let own = scenes.iter().flat_map(|&scene| {
-            let row = at(scene).map(|row| **row);
-            latex_own(row, row.map_or([false; 3], |row| is_best(row, rows)))
-        });
-        let own: Vec<String> = own.collect();
-        let theirs = scenes.iter().flat_map(|&scene| latex_paper(protocol, method, scene));
-        let theirs: Vec<String> = theirs.collect();
-        let _ = writeln!(
-            text,
-            "{} & {} & {} \\\\",
-            tuned(&first.cell),
-            method.title(),
-            own.join(" & ")
-        );
+        let (mut own, mut theirs) = (Vec::new(), Vec::new());
+        for &scene in Scene::value_variants() {
+            let row = of_method.iter().find(|row| row.cell.scene == scene).copied();
+            own.extend(latex_own(row, row.map_or([false; 3], |row| is_best(row, rows))));
+            let figures = paper(protocol, method, scene);
+            theirs.extend(LATEX_ORDER.map(|i| grey(FIGURES[i].paper(&figures))));
+        }
+        let (tuned, own) = (tuned(&first.cell), own.join(" & "));
+        let _ = writeln!(text, "{tuned} & {} & {own} \\\\", method.title());
         let _ = writeln!(text, "& & {} \\\\", theirs.join(" & "));
     }
 }
@@ -174,9 +157,4 @@ fn latex_own(row: Option<&Row>, best: [bool; 3]) -> [String; 3] {
         }
         None => "--".into(),
     })
-}
-
-fn latex_paper(protocol: Protocol, method: TableMethod, scene: Scene) -> [String; 3] {
-    let figures = paper(protocol, method, scene);
-    LATEX_ORDER.map(|i| grey(FIGURES[i].paper(&figures)))
 }

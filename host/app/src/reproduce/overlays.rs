@@ -7,8 +7,8 @@ use super::super::exit::Failure;
 use super::super::prepared::meet;
 use super::super::progress::Progress;
 use echoloop_closed_loop::config::{RunConfig, load};
-use echoloop_closed_loop::dataset::{Dataset, ScanPair};
-use echoloop_closed_loop::evaluation::objective::{Bench, PairError, Registered};
+use echoloop_closed_loop::dataset::Dataset;
+use echoloop_closed_loop::evaluation::objective::Registered;
 use echoloop_closed_loop::parameters::Parameters;
 use echoloop_closed_loop::run_folder::run::{CONFIG, TUNED};
 use echoloop_closed_loop::seed::{Purpose, derive};
@@ -22,7 +22,7 @@ use echoloop_study::{
 pub(super) fn overlays(folder: &Folder, cells: &Cells) -> Seen {
     let mut seen = Seen::default();
     let is_done = |cell: &&Cell| cell.is_joint() && cells.run(cell).is_some();
-    let searches = cells.searches();
+    let searches = &cells.searches;
     for cell in searches.iter().flat_map(|search| &search.cells).filter(is_done) {
         match seen_pair(folder, cells, cell) {
             Ok((pair, unseen)) => {
@@ -56,9 +56,10 @@ fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<(SeenPair, U
     let prepared = met.with(dataset);
     let noise = derive(prepared.config.seed, Purpose::TestNoise, index as u64);
     let pair = &prepared.dataset.test[0];
+    // Scanned and registered with the noise of its evaluation.
     let repeated = |parameters: &Parameters, record: &Record| {
-        let registered = again(prepared.bench(), parameters, index, pair, noise)?;
-        match is_as_recorded(&registered.error, record) {
+        let registered = prepared.bench().register(parameters, index, pair, noise)?;
+        match record.summary.errors.contains(&registered.error) {
             true => Ok(registered),
             false => Err(Failure::usage(format_args!(
                 "in this build pair {index} comes out otherwise with {}",
@@ -88,20 +89,4 @@ fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<(SeenPair, U
 
 fn of_file(path: &Path) -> Result<RunConfig, Failure> {
     load(Some(path), &[]).map_err(Failure::usage)
-}
-
-/// Scans and registers a pair with the noise of its evaluation.
-fn again(
-    bench: Bench<'_>,
-    parameters: &Parameters,
-    index: usize,
-    pair: &ScanPair,
-    noise: u64,
-) -> Result<Registered, Failure> {
-    Ok(bench.register(parameters, index, pair, noise)?)
-}
-
-/// True when the error is the recorded one, so that the figure agrees with the table.
-fn is_as_recorded(error: &PairError, record: &Record) -> bool {
-    record.summary.errors.iter().any(|recorded| recorded == error)
 }

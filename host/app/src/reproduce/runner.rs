@@ -12,7 +12,6 @@ use super::super::interrupt::INTERRUPTED;
 use super::super::prepared::{all_pairs, meet};
 use super::super::progress::Progress;
 use super::super::report::write_page;
-use echoloop_closed_loop::checksum::Checksum;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::config::preset::Protocol;
 use echoloop_closed_loop::dataset::Dataset;
@@ -20,12 +19,12 @@ use echoloop_closed_loop::dataset::fingerprint::{Content, build};
 use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::parameters::Parameters;
 use echoloop_closed_loop::prepared::{Preparation, Prepared};
-use echoloop_closed_loop::run_folder::journal::{Generation, Journal};
+use echoloop_closed_loop::run_folder::journal::Journal;
 use echoloop_closed_loop::run_folder::provenance::About;
 use echoloop_closed_loop::run_folder::run::{HISTORY, RunFolder};
-use echoloop_closed_loop::search::{Observer, Origin, TuneSearch, Tuned};
+use echoloop_closed_loop::search::{Observer, Origin, TuneSearch};
 use echoloop_closed_loop::tuning::{Judged, result, write_run};
-use echoloop_study::{Base, Cell, Folder, Record, Times, Took, TrainedIn};
+use echoloop_study::{Base, Cell, Folder, Record, Times, Took, TrainedIn, configuration};
 
 /// Most returns of all scans kept; beyond it the oldest scans are dropped.
 const MOST_RETURNS: usize = 120_000_000;
@@ -95,10 +94,10 @@ impl<'a> Runner<'a> {
             format!("about {} left", HumanDuration(rest))
         });
         self.progress.say(&format!("{place}: {cell}; {rest}"));
-        match self.prepared(cell).and_then(|prepared| self.done(cell, &prepared, *registrations)) {
-            Ok((record, made, seconds)) => {
+        match self.done(cell, *registrations) {
+            Ok((record, took)) => {
                 self.folder.save(&record)?;
-                self.times.add(Took { cell: *cell, seconds, registrations: made });
+                self.times.add(took);
                 Ok(self.folder.save_times(&self.times)?)
             }
             Err(failure) if failure.code == INTERRUPTED => Err(self.interrupted(left.len())),
@@ -126,27 +125,19 @@ impl<'a> Runner<'a> {
         Ok(if cell.is_searched() { met.for_a_search()? } else { met })
     }
 
-    /// Sensor, scans and search of a cell.
-    fn prepared(&mut self, cell: &Cell) -> Result<Prepared, Failure> {
+    /// Runs a cell: its record, and the duration after its scans are traced.
+    fn done(&mut self, cell: &Cell, registrations: usize) -> Result<(Record, Took), Failure> {
         let met = self.met(cell)?;
         let dataset = self.scans(cell, &met.config)?;
-        Ok(met.with(dataset))
-    }
-
-    /// Runs a cell: its record, the registrations of this process, the seconds.
-    fn done(
-        &self,
-        cell: &Cell,
-        prepared: &Prepared,
-        registrations: usize,
-    ) -> Result<(Record, usize, f64), Failure> {
+        let prepared = met.with(dataset);
         let watch = Instant::now();
         self.progress.begin(&cell.file_name(), registrations as u64);
-        let (record, made) = match cell.protocol {
-            Protocol::Default => self.judged(cell, prepared)?,
-            _ => self.searched(cell, prepared)?,
+        let (record, registrations) = match cell.protocol {
+            Protocol::Default => self.judged(cell, &prepared)?,
+            _ => self.searched(cell, &prepared)?,
         };
-        Ok((record, made, watch.elapsed().as_secs_f64()))
+        let seconds = watch.elapsed().as_secs_f64();
+        Ok((record, Took { cell: *cell, seconds, registrations }))
     }
 
     /// Evaluates the start.
@@ -154,16 +145,21 @@ impl<'a> Runner<'a> {
         let search = prepared.search(self.stop);
         let summary = search.judge(&search.start, &Steps(self.progress))?;
         let made = summary.pairs;
-        let origin = &Origin::Start.to_string();
-        let start = Chosen { parameters: &search.start, origin, searched: [0; 2] };
-        Ok((record(cell, prepared, &start, summary), made))
+        let origin = Origin::Start.to_string();
+        Ok((record(cell, prepared, &search.start, origin, [0; 2], summary), made))
     }
 
-    /// Searches from the end of the journal, and evaluates the choice.
+    /// Searches from the end of the journal, evaluates the choice, and writes the run's files as
+    /// `tune` does.
     fn searched(&self, cell: &Cell, prepared: &Prepared) -> Result<Done, Failure> {
         let run = RunFolder::at(&self.folder.run_of(cell), &prepared.config)?;
         let search = prepared.search(self.stop);
-        let (mut journal, done) = journal(&run, &search)?;
+        let (path, header) = (run.file(HISTORY), search.header());
+        // Of a line that was cut off nothing is kept.
+        let (mut journal, done) = match path.exists() {
+            true => Journal::resume(&path, &header, true)?,
+            false => (Journal::create(&path, &header)?, Vec::new()),
+        };
         About::read(run.path())?.record(&run)?;
         let before: usize = done.iter().map(|g| g.candidates.len() * g.pairs.len()).sum();
         let steps = Steps(self.progress);
@@ -171,14 +167,12 @@ impl<'a> Runner<'a> {
         let start = self.start_of(cell, &search)?;
         let after = search.judge(&tuned.parameters, &steps)?;
         let judged = Judged { plain: None, before: start, after: after.clone() };
-        self.write(&run, prepared, &search, &tuned, judged)?;
+        write_run(&run, prepared, &tuned.parameters, &result(&search, &tuned, judged))?;
+        write_page(&run)?;
         let made = (tuned.registrations + after.pairs).saturating_sub(before);
-        let chosen = Chosen {
-            parameters: &tuned.parameters,
-            origin: &tuned.origin,
-            searched: [tuned.generations.len(), tuned.registrations],
-        };
-        Ok((record(cell, prepared, &chosen, after), made))
+        let searched = [tuned.generations.len(), tuned.registrations];
+        let origin = tuned.origin.clone();
+        Ok((record(cell, prepared, &tuned.parameters, origin, searched, after), made))
     }
 
     /// Summary of the start on the held-out pairs, from the record of the untuned cell if that is
@@ -193,20 +187,6 @@ impl<'a> Runner<'a> {
             Some(record) => Ok(record.summary),
             None => Ok(search.judge(&search.start, &Steps(self.progress))?),
         }
-    }
-
-    /// Writes the run's files, as `tune` does.
-    fn write(
-        &self,
-        run: &RunFolder,
-        prepared: &Prepared,
-        search: &TuneSearch<'_>,
-        tuned: &Tuned,
-        judged: Judged,
-    ) -> Result<(), Failure> {
-        let result = result(search, tuned, judged);
-        write_run(run, prepared, &tuned.parameters, &result)?;
-        write_page(run)
     }
 
     /// Pairs of a cell; of one trained elsewhere the held-out pairs alone are its own.
@@ -257,41 +237,29 @@ fn returns(kept: &[(String, Dataset)]) -> usize {
     kept.iter().flat_map(|(_, dataset)| dataset.views()).map(|view| view.returns.len()).sum()
 }
 
-/// Journal of a run, created or resumed. Of a line that was cut off nothing is kept.
-fn journal(
-    run: &RunFolder,
-    search: &TuneSearch<'_>,
-) -> Result<(Journal, Vec<Generation>), Failure> {
-    let (path, header) = (run.file(HISTORY), search.header());
-    match path.exists() {
-        true => Ok(Journal::resume(&path, &header, true)?),
-        false => Ok((Journal::create(&path, &header)?, Vec::new())),
-    }
-}
-
-/// Parameters with their origin, and the generations and registrations of the search.
-struct Chosen<'a> {
-    parameters: &'a Parameters,
-    origin: &'a str,
-    searched: [usize; 2],
-}
-
-fn record(cell: &Cell, prepared: &Prepared, chosen: &Chosen<'_>, summary: Summary) -> Record {
-    let (config, [generations, registrations]) = (&prepared.config, chosen.searched);
-    let text = toml::to_string(config).unwrap_or_default();
+/// Record of parameters with their origin, and the generations and registrations of their search.
+fn record(
+    cell: &Cell,
+    prepared: &Prepared,
+    parameters: &Parameters,
+    origin: String,
+    [generations, registrations]: [usize; 2],
+    summary: Summary,
+) -> Record {
+    let config = &prepared.config;
     Record {
         format: Record::FORMAT,
         cell: *cell,
         seed: config.seed,
         version: env!("CARGO_PKG_VERSION").into(),
         build: build(),
-        configuration: Checksum::of(&[text.as_bytes()]).to_string(),
+        configuration: configuration(config),
         trained_in: cell.trained_in(config).as_ref().map(TrainedIn::from),
         content: Content::of(config, &prepared.dataset),
-        origin: chosen.origin.to_owned(),
+        origin,
         generations,
         registrations,
-        parameters: chosen.parameters.values(config),
+        parameters: parameters.values(config),
         data: config.data,
         summary,
     }

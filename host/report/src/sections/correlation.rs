@@ -35,7 +35,7 @@ pub struct Correlation {
 
 impl Correlation {
     /// The last search of a finished run; `None` where it has no correlations.
-    pub(super) fn of_run(background: &Background) -> Option<Self> {
+    pub fn of_run(background: &Background) -> Option<Self> {
         let short = |name: &String| name.rsplit('.').next().unwrap_or(name).to_owned();
         (!background.correlations.is_empty()).then(|| Self {
             names: background.correlated.iter().map(short).collect(),

@@ -1,12 +1,12 @@
 //! Fig. 1: settings tuned by hand, the default, and our joint tuning.
 
-use super::super::axes::name_of;
+use super::super::axes::{Scene, name_of};
 use super::super::by_hand::ByHand;
 use super::super::cell::Cell;
 use super::super::record::Record;
+use super::Drawn;
 use super::cells::Cells;
 use super::errors::{PARTS, Part};
-use super::missing::Missing;
 use super::search::Search;
 use echoloop_closed_loop::config::preset::Protocol;
 use echoloop_closed_loop::evaluation::objective::PairError;
@@ -15,48 +15,36 @@ use echoloop_report::{Panel, PanelDrawing, Plate, StripRow, Strips, fixed};
 use echoloop_statistics::median;
 
 /// Figure of a search; none where its method is not selected.
-pub(super) fn plate(
-    cells: &Cells,
-    search: &Search,
-    missing: &Missing,
-) -> Option<Result<Plate, String>> {
-    let is_of_method = |cell: &&Cell| cell.method == ByHand::METHOD;
-    search.cells.iter().find(is_of_method)?;
-    Some(drawn(cells, search, missing))
+pub(super) fn plates(cells: &Cells, search: &Search) -> Drawn {
+    let is_selected = search.methods().contains(&ByHand::METHOD);
+    is_selected.then(|| plate(cells, search)).into_iter().collect()
 }
 
-fn drawn(cells: &Cells, search: &Search, missing: &Missing) -> Result<Plate, String> {
+/// Rows of a scene: the default, the cases tuned by hand, joint tuning.
+fn rows(search: &Search, scene: Scene) -> Vec<Cell> {
+    let is_wanted = |cell: &&Cell| matches!(cell.protocol, Protocol::Default | Protocol::Joint);
+    let mut rows: Vec<Cell> = search.of(ByHand::METHOD, scene).filter(is_wanted).copied().collect();
+    let start = rows.first().map(Cell::untuned).into_iter();
+    let hands =
+        start.flat_map(|start| ByHand::ALL.map(|hand| Cell { by_hand: Some(hand), ..start }));
+    let place = usize::from(rows.iter().any(|cell| cell.protocol == Protocol::Default));
+    rows.splice(place..place, hands.collect::<Vec<_>>());
+    rows
+}
+
+fn plate(cells: &Cells, search: &Search) -> Result<Plate, String> {
     let scenes = search.scenes();
-    let wanted: Vec<Vec<Cell>> = scenes
-        .iter()
-        .map(|&scene| {
-            let is_wanted =
-                |cell: &&Cell| matches!(cell.protocol, Protocol::Default | Protocol::Joint);
-            let mut rows: Vec<Cell> =
-                search.of(ByHand::METHOD, scene).filter(is_wanted).copied().collect();
-            let start = rows.first().map(Cell::untuned).into_iter();
-            let hands = start
-                .flat_map(|start| ByHand::ALL.map(|hand| Cell { by_hand: Some(hand), ..start }));
-            let place = usize::from(rows.iter().any(|cell| cell.protocol == Protocol::Default));
-            rows.splice(place..place, hands.collect::<Vec<_>>());
-            rows
-        })
-        .collect();
+    let wanted: Vec<Vec<Cell>> = scenes.iter().map(|&scene| rows(search, scene)).collect();
     let all = wanted.concat();
-    let absent: Vec<Cell> =
-        all.iter().filter(|cell| cells.record(cell).is_none()).copied().collect();
-    let is_there = |cell: &Cell| cell.by_hand.is_some() && cells.record(cell).is_some();
-    if !all.iter().any(is_there) {
-        let hands: Vec<Cell> = all.into_iter().filter(|cell| cell.by_hand.is_some()).collect();
+    let hands: Vec<Cell> = all.iter().filter(|cell| cell.by_hand.is_some()).copied().collect();
+    if cells.absent(&hands).len() == hands.len() {
         let figure = format!("tuned by hand against ours (Fig. 1), {}", search.in_words());
-        return Err(missing.of_all(&figure, &hands));
+        return Err(cells.missing.of_all(&figure, &hands));
     }
+    let records: Vec<&Record> = all.iter().filter_map(|cell| cells.record(cell)).collect();
     let mut panels = Vec::new();
     for part in &PARTS {
-        let records: Vec<&Record> = all.iter().filter_map(|cell| cells.record(cell)).collect();
-        let bound = records.first().map_or(1.0, |record| (part.bound)(&record.data));
-        let errors = records.iter().flat_map(|record| record.summary.errors.iter());
-        let span = part.span(errors.map(part.read), bound);
+        let (bound, span) = part.range(&records);
         panels.extend(scenes.iter().zip(&wanted).map(|(&scene, of_scene)| Panel {
             name: format!("by-hand-{}-{}-{}", search.name(), name_of(scene), part.name),
             title: format!("{}, {}", ByHand::METHOD.title(), name_of(scene)),
@@ -73,7 +61,7 @@ fn drawn(cells: &Cells, search: &Search, missing: &Missing) -> Result<Plate, Str
         name: format!("by-hand-{}", search.name()),
         title: format!("Tuned by hand against ours (Fig. 1), {}", search.in_words()),
         caption: caption(cells, search, &all),
-        missing: missing.of_some(all.len(), &absent),
+        missing: cells.missing.of_some(all.len(), &cells.absent(&all)),
         columns: scenes.len(),
         panels,
     })

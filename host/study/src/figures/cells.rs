@@ -6,6 +6,7 @@ use super::super::plan::Plan;
 use super::super::record::Record;
 use super::super::selection::Selection;
 use super::super::table::Table;
+use super::missing::Missing;
 use super::search::Search;
 use echoloop_report::finished_runs::{FinishedRun, RunError};
 
@@ -14,7 +15,10 @@ use echoloop_report::finished_runs::{FinishedRun, RunError};
 pub struct Cells {
     /// Settings that the cells share.
     pub plan: Plan,
-    searches: Vec<Search>,
+    /// The searches.
+    pub searches: Vec<Search>,
+    /// Wording for cells that are missing.
+    pub(super) missing: Missing,
     records: Vec<Record>,
     runs: Vec<(Cell, FinishedRun)>,
     /// Reason for each record and each run that cannot be used.
@@ -50,17 +54,18 @@ impl Cells {
                 Err(error) => unread.push(format!("The run of {cell} cannot be read: {error}.")),
             }
         }
-        Self { plan: folder.plan.clone(), searches, records, runs, unread }
-    }
-
-    /// The searches.
-    pub fn searches(&self) -> Vec<Search> {
-        self.searches.clone()
+        let missing = Missing::of(&folder.plan);
+        Self { plan: folder.plan.clone(), searches, missing, records, runs, unread }
     }
 
     /// Record of a cell; none where it is not finished.
     pub fn record(&self, cell: &Cell) -> Option<&Record> {
         self.records.iter().find(|record| record.cell == *cell)
+    }
+
+    /// Cells without a record.
+    pub(super) fn absent(&self, cells: &[Cell]) -> Vec<Cell> {
+        cells.iter().filter(|cell| self.record(cell).is_none()).copied().collect()
     }
 
     /// Run of a cell's search, if its result is that of the record.

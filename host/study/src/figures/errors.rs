@@ -3,8 +3,8 @@
 use super::super::axes::name_of;
 use super::super::cell::Cell;
 use super::super::record::Record;
+use super::Drawn;
 use super::cells::Cells;
-use super::missing::Missing;
 use super::search::Search;
 use echoloop_closed_loop::config::DataConfig;
 use echoloop_closed_loop::config::preset::Protocol;
@@ -20,7 +20,7 @@ pub(super) struct Part {
     /// Errors below this are drawn at it.
     floor: f64,
     pub(super) read: fn(&PairError) -> f64,
-    pub(super) bound: fn(&DataConfig) -> f64,
+    bound: fn(&DataConfig) -> f64,
 }
 
 /// In the units of the table.
@@ -42,12 +42,20 @@ pub(super) const PARTS: [Part; 2] = [
 ];
 
 impl Part {
-    /// Ends of a logarithmic axis with room for the errors, the bound, and a tenth of it.
-    pub(super) fn span(&self, errors: impl Iterator<Item = f64>, bound: f64) -> [f64; 2] {
+    /// Bound of success of some records, and the ends of a logarithmic axis with room for their
+    /// errors, the bound, and a tenth of it.
+    pub(super) fn range(&self, records: &[&Record]) -> (f64, [f64; 2]) {
+        let bound = records.first().map_or(1.0, |record| (self.bound)(&record.data));
+        let errors = records.iter().flat_map(|record| self.errors(record));
         let known = errors.filter(|error| error.is_finite()).map(|error| error.max(self.floor));
         let ends = (0.1 * bound, bound);
         let (low, high) = known.fold(ends, |(low, high), e| (low.min(e), high.max(e)));
-        [low / 1.3, high * 1.3]
+        (bound, [low / 1.3, high * 1.3])
+    }
+
+    /// Errors of all pairs, found or not.
+    fn errors(&self, record: &Record) -> impl Iterator<Item = f64> {
+        record.summary.errors.iter().map(self.read)
     }
 }
 
@@ -61,51 +69,36 @@ pub(super) fn series(protocol: Protocol) -> Series {
 }
 
 /// Figure of a search: a row for each method and part, a column for each scene.
-pub(super) fn plate(cells: &Cells, search: &Search, missing: &Missing) -> Result<Plate, String> {
-    let figure = format!("errors by protocol, {}", search.in_words());
-    let (done, absent): (Vec<Cell>, Vec<Cell>) =
-        search.cells.iter().partition(|cell| cells.record(cell).is_some());
-    if done.is_empty() {
-        return Err(missing.of_all(&figure, &absent));
+pub(super) fn plates(cells: &Cells, search: &Search) -> Drawn {
+    let absent = cells.absent(&search.cells);
+    if absent.len() == search.cells.len() {
+        let figure = format!("errors by protocol, {}", search.in_words());
+        return vec![Err(cells.missing.of_all(&figure, &absent))];
     }
     let scenes = search.scenes();
     let mut panels = Vec::new();
     for method in search.methods() {
+        let of_method = search.cells.iter().filter(|cell| cell.method == method);
+        let records: Vec<&Record> = of_method.filter_map(|cell| cells.record(cell)).collect();
         for part in &PARTS {
-            let of_row = || done.iter().filter(|cell| cell.method == method);
-            let records: Vec<&Record> = of_row().filter_map(|cell| cells.record(cell)).collect();
-            let bound = records.first().map_or(1.0, |record| (part.bound)(&record.data));
-            let errors = records.iter().flat_map(|record| all(record, part));
-            let span = part.span(errors, bound);
+            let (bound, span) = part.range(&records);
             panels.extend(scenes.iter().map(|&scene| {
                 let curve = |cell: &Cell| {
-                    let record = cells.record(cell)?;
-                    Some(ShareCurve {
-                        series: series(cell.protocol),
-                        errors: all(record, part).collect(),
-                    })
+                    let errors = part.errors(cells.record(cell)?).collect();
+                    Some(ShareCurve { series: series(cell.protocol), errors })
                 };
                 let curves = search.of(method, scene).filter_map(curve).collect();
+                let axis = part.axis.into();
+                let of = [search.name(), name_of(method), name_of(scene)].join("-");
                 Panel {
-                    name: format!(
-                        "errors-{}-{}-{}-{}",
-                        search.name(),
-                        name_of(method),
-                        name_of(scene),
-                        part.name
-                    ),
+                    name: format!("errors-{of}-{}", part.name),
                     title: format!("{}, {}", method.title(), name_of(scene)),
-                    drawing: PanelDrawing::Shares(Shares {
-                        axis: part.axis.into(),
-                        span,
-                        bound,
-                        curves,
-                    }),
+                    drawing: PanelDrawing::Shares(Shares { axis, span, bound, curves }),
                 }
             }));
         }
     }
-    Ok(Plate {
+    vec![Ok(Plate {
         name: format!("errors-{}", search.name()),
         title: format!("Errors on the held-out pairs, {}", search.in_words()),
         caption: format!(
@@ -114,13 +107,8 @@ pub(super) fn plate(cells: &Cells, search: &Search, missing: &Missing) -> Result
              and of rotation. Where curves coincide, the dashed lie on the full. {}",
             cells.sources(&search.cells)
         ),
-        missing: missing.of_some(search.cells.len(), &absent),
+        missing: cells.missing.of_some(search.cells.len(), &absent),
         columns: scenes.len(),
         panels,
-    })
-}
-
-/// Errors of all pairs, found or not.
-fn all(record: &Record, part: &Part) -> impl Iterator<Item = f64> {
-    record.summary.errors.iter().map(part.read)
+    })]
 }

@@ -2,9 +2,9 @@
 
 use super::super::axes::name_of;
 use super::super::cell::Cell;
+use super::Drawn;
 use super::cells::Cells;
 use super::chance::{BlindSearch, Chance};
-use super::missing::Missing;
 use super::search::Search;
 use echoloop_closed_loop::config::preset::Strategy;
 use echoloop_closed_loop::parameters::choices;
@@ -16,19 +16,17 @@ use echoloop_report::{Correlation, Moved, Panel, PanelDrawing, Plate, fixed, sig
 const MOST_NAMES: usize = 100;
 
 /// A figure for each cell where both were tuned, and a sentence about those that are missing.
-pub(super) fn plates(
-    cells: &Cells,
-    search: &Search,
-    missing: &Missing,
-) -> Vec<Result<Plate, String>> {
+pub(super) fn plates(cells: &Cells, search: &Search) -> Drawn {
     let mut chance = Chance::default();
     let joint: Vec<Cell> =
         search.methods().into_iter().flat_map(|method| search.joint(method)).collect();
-    let drawn: Vec<Option<Plate>> =
-        joint.iter().map(|cell| plate(cells, search, cell, &mut chance)).collect();
-    let absent = joint.iter().zip(&drawn).filter(|(_, plate)| plate.is_none());
-    let absent: Vec<Cell> = absent.map(|(cell, _)| *cell).collect();
-    let mut all: Vec<Result<Plate, String>> = drawn.into_iter().flatten().map(Ok).collect();
+    let (mut all, mut absent) = (Drawn::new(), Vec::new());
+    for &cell in &joint {
+        match plate(cells, search, &cell, &mut chance) {
+            Some(plate) => all.push(Ok(plate)),
+            None => absent.push(cell),
+        }
+    }
     if !absent.is_empty() {
         let figure = format!(
             "{} of {} maps of how parameters interact (Fig. 1), {}",
@@ -36,7 +34,7 @@ pub(super) fn plates(
             joint.len(),
             search.in_words()
         );
-        all.push(Err(missing.of_all(&figure, &absent)));
+        all.push(Err(cells.missing.of_all(&figure, &absent)));
     }
     all
 }
@@ -47,11 +45,14 @@ fn plate(cells: &Cells, search: &Search, cell: &Cell, chance: &mut Chance) -> Op
     let moved = moved(run, background, chance)?;
     let [learned, all] = moved.learned();
     let of = format!("{}, {}", cell.method.title(), name_of(cell.scene));
-    let (name, strength) = (format!("interactions-{}", search_cell(search, cell)), moved.chance);
+    let (name, strength) = (
+        format!("interactions-{}-{}-{}", search.name(), name_of(cell.method), name_of(cell.scene)),
+        moved.chance,
+    );
     let stage = background.stages.last()?;
     let title = format!("How parameters interact (Fig. 1): {of}, {}", search.in_words());
     Some(Plate {
-        title: title.clone(),
+        title,
         caption: format!(
             "Correlations of the search distribution at its end, D^−1/2 C D^−1/2 of CMA-ES: red \
              where two parameters grew together, blue where one grew as the other fell. Parameters \
@@ -77,10 +78,6 @@ fn plate(cells: &Cells, search: &Search, cell: &Cell, chance: &mut Chance) -> Op
     })
 }
 
-fn search_cell(search: &Search, cell: &Cell) -> String {
-    format!("{}-{}-{}", search.name(), name_of(cell.method), name_of(cell.scene))
-}
-
 fn moved(run: &FinishedRun, background: &Background, chance: &mut Chance) -> Option<Moved> {
     let names = &background.correlated;
     let square = &background.correlations;
@@ -98,14 +95,9 @@ fn moved(run: &FinishedRun, background: &Background, chance: &mut Chance) -> Opt
         population: stage.population,
         generations: stage.generations,
     };
-    let short = |name: &String| name.rsplit('.').next().unwrap_or(name).to_owned();
     Some(Moved {
         of_sensor: names.iter().filter(|name| name.starts_with("lidar.")).count(),
         chance: chance.of(&blind),
-        correlation: Correlation {
-            names: names.iter().map(short).collect(),
-            matrix: square.clone(),
-            covariance_learned: Some(background.covariance_learned),
-        },
+        correlation: Correlation::of_run(background)?,
     })
 }

@@ -7,6 +7,7 @@ use super::super::cell::{Base, Cell};
 use super::super::plan::Plan;
 
 /// Wording for missing cells of a folder.
+#[derive(Clone, Debug)]
 pub(super) struct Missing {
     /// Command of the folder, without the flags that select cells.
     command: String,

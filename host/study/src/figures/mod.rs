@@ -22,7 +22,6 @@ pub use overlays::{LaidOn, Seen, SeenPair, shown_pair};
 pub use search::Search;
 
 use echoloop_report::Plate;
-use missing::Missing;
 
 /// Figures, and those that could not be drawn.
 #[derive(Clone, Debug, Default)]
@@ -33,27 +32,26 @@ pub struct Figures {
     pub left_out: Vec<String>,
 }
 
-impl Figures {
-    /// Adds a figure, or the reason why there is none.
-    fn add(&mut self, figure: Result<Plate, String>) {
-        match figure {
-            Ok(plate) => self.plates.push(plate),
-            Err(why) => self.left_out.push(why),
-        }
-    }
-}
+/// Figures of a kind; for one left out, the reason and the command that runs its cells.
+type Drawn = Vec<Result<Plate, String>>;
 
 /// All figures of a table, with the pairs that were scanned again.
 pub fn figures(cells: &Cells, seen: &Seen) -> Figures {
     let mut all = Figures { left_out: cells.unread.clone(), ..Figures::default() };
-    let missing = Missing::of(&cells.plan);
-    for search in cells.searches() {
-        let figure = by_hand::plate(cells, &search, &missing);
-        figure.into_iter().for_each(|figure| all.add(figure));
-        interactions::plates(cells, &search, &missing).into_iter().for_each(|of| all.add(of));
-        all.add(errors::plate(cells, &search, &missing));
-        overlays::plates(cells, &search, seen, &missing).into_iter().for_each(|of| all.add(of));
-        parameters::plates(cells, &search, &missing).into_iter().for_each(|of| all.add(of));
+    for search in &cells.searches {
+        let drawn = [
+            by_hand::plates(cells, search),
+            interactions::plates(cells, search),
+            errors::plates(cells, search),
+            overlays::plates(cells, search, seen),
+            parameters::plates(cells, search),
+        ];
+        for figure in drawn.into_iter().flatten() {
+            match figure {
+                Ok(plate) => all.plates.push(plate),
+                Err(why) => all.left_out.push(why),
+            }
+        }
     }
     all
 }

@@ -3,8 +3,8 @@
 use super::super::axes::{TableMethod, name_of};
 use super::super::cell::Cell;
 use super::super::record::Record;
+use super::Drawn;
 use super::cells::Cells;
-use super::missing::Missing;
 use super::search::Search;
 use echoloop_registration::cloud::Cloud;
 use echoloop_registration::pose::{Pose, rotation_error_deg, translation_error_m};
@@ -83,23 +83,18 @@ pub fn shown_pair(record: &Record) -> Option<usize> {
 }
 
 /// A figure for each method, or the reason why there is none.
-pub(super) fn plates(
-    cells: &Cells,
-    search: &Search,
-    seen: &Seen,
-    missing: &Missing,
-) -> Vec<Result<Plate, String>> {
+pub(super) fn plates(cells: &Cells, search: &Search, seen: &Seen) -> Drawn {
     let methods = search.methods().into_iter().map(|method| (method, search.joint(method)));
     let wanted = methods.filter(|(_, joint)| !joint.is_empty());
-    wanted.map(|(method, joint)| plate(cells, search, seen, missing, (method, &joint))).collect()
+    wanted.map(|(method, joint)| plate(cells, search, seen, method, &joint)).collect()
 }
 
 fn plate(
     cells: &Cells,
     search: &Search,
     seen: &Seen,
-    missing: &Missing,
-    (method, joint): (TableMethod, &[Cell]),
+    method: TableMethod,
+    joint: &[Cell],
 ) -> Result<Plate, String> {
     let of = |cell: &Cell| seen.pairs.iter().find(|pair| pair.cell == *cell);
     let pairs: Vec<&SeenPair> = joint.iter().filter_map(of).collect();
@@ -116,12 +111,12 @@ fn plate(
     if pairs.is_empty() {
         let figure = format!("registered clouds, {}, {}", method.title(), search.in_words());
         return Err(match unseen.is_empty() {
-            true => missing.of_all(&figure, &absent),
+            true => cells.missing.of_all(&figure, &absent),
             false => format!("Left out: {figure}. {}", unseen.join(" ")),
         });
     }
     let names = pairs.iter().map(|pair| format!("{} pair {}", name_of(pair.cell.scene), pair.pair));
-    let missing = missing.of_some(joint.len(), &absent);
+    let missing = cells.missing.of_some(joint.len(), &absent);
     Ok(Plate {
         name: format!("overlays-{}-{}", search.name(), name_of(method)),
         title: format!("Registered clouds: {}, {}", method.title(), search.in_words()),

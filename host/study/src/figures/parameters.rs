@@ -2,58 +2,52 @@
 
 use super::super::axes::{Scene, TableMethod, name_of};
 use super::super::cell::Cell;
+use super::Drawn;
 use super::cells::Cells;
 use super::errors::series;
-use super::missing::Missing;
 use super::search::Search;
 use echoloop_closed_loop::config::preset::Protocol;
 use echoloop_closed_loop::parameters::{Scale, choices, effective};
 use echoloop_closed_loop::run_folder::run::AxisRecord;
 use echoloop_report::{ChosenLane, ChosenRange, Panel, PanelDrawing, Plate};
 
-/// A figure for each method, or why there is none.
-pub(super) fn plates(
-    cells: &Cells,
-    search: &Search,
-    missing: &Missing,
-) -> Vec<Result<Plate, String>> {
-    let methods = search.methods().into_iter();
-    methods.filter_map(|method| plate(cells, search, method, missing)).collect()
+/// A figure for each method with a search, or the reason why there is none.
+pub(super) fn plates(cells: &Cells, search: &Search) -> Drawn {
+    let of_method = |method: TableMethod| {
+        let is_of = |cell: &&Cell| cell.method == method && cell.is_searched();
+        search.cells.iter().filter(is_of).copied().collect::<Vec<Cell>>()
+    };
+    let methods = search.methods().into_iter().map(|method| (method, of_method(method)));
+    let wanted = methods.filter(|(_, wanted)| !wanted.is_empty());
+    wanted.map(|(method, wanted)| plate(cells, search, method, &wanted)).collect()
 }
 
-/// Figure of a method; none where no search of it is selected.
 fn plate(
     cells: &Cells,
     search: &Search,
     method: TableMethod,
-    missing: &Missing,
-) -> Option<Result<Plate, String>> {
-    let is_of = |cell: &&Cell| cell.method == method && cell.is_searched();
-    let wanted: Vec<Cell> = search.cells.iter().filter(is_of).copied().collect();
-    if wanted.is_empty() {
-        return None;
-    }
+    wanted: &[Cell],
+) -> Result<Plate, String> {
     let (done, absent): (Vec<Cell>, Vec<Cell>) =
         wanted.iter().partition(|cell| cells.run(cell).is_some());
     let axes = axes(cells, &done);
     if axes.is_empty() {
         let figure = format!("what was chosen, {}, {}", method.title(), search.in_words());
-        return Some(Err(missing.of_all(&figure, &wanted)));
+        return Err(cells.missing.of_all(&figure, wanted));
     }
-    let panel = |axis: &AxisRecord| panel(cells, search, &done, axis);
-    Some(Ok(Plate {
+    Ok(Plate {
         name: format!("parameters-{}-{}", search.name(), name_of(method)),
         title: format!("What was chosen: {}, {}", method.title(), search.in_words()),
         caption: format!(
             "Every searched parameter over its range, with a logarithmic axis where the search is \
              logarithmic: the start of all searches (dashed), and the value that each chose in \
              each scene. A dot at an end suggests a wider range. {}",
-            cells.sources(&wanted)
+            cells.sources(wanted)
         ),
-        missing: missing.of_some(wanted.len(), &absent),
+        missing: cells.missing.of_some(wanted.len(), &absent),
         columns: 3,
-        panels: axes.iter().map(panel).collect(),
-    }))
+        panels: axes.iter().map(|axis| panel(cells, search, &done, axis)).collect(),
+    })
 }
 
 /// Axes of all searches, each once, the sensor's first.
@@ -78,8 +72,7 @@ fn panel(cells: &Cells, search: &Search, done: &[Cell], record: &AxisRecord) -> 
     let start = start.and_then(|run| effective(&run.result.default, &record.name));
     let is_in_name = short.ends_with(&format!("_{}", record.unit));
     let unit = match record.unit.as_str() {
-        "" => String::new(),
-        _ if is_in_name => String::new(),
+        unit if unit.is_empty() || is_in_name => String::new(),
         unit => format!(", {unit}"),
     };
     let log = record.scale == Scale::Log || record.scale == Scale::PowerOfTwo;

@@ -1,6 +1,6 @@
 //! A search of the table, and its cells.
 
-use super::super::axes::{Scene, TableMethod, name_of};
+use super::super::axes::{Scene, TableMethod, distinct, name_of};
 use super::super::cell::Cell;
 use super::super::wording;
 use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
@@ -52,14 +52,4 @@ impl Search {
         let is_joint = |cell: &&Cell| (cell.method, cell.protocol) == (method, Protocol::Joint);
         self.cells.iter().filter(is_joint).copied().collect()
     }
-}
-
-fn distinct<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
-    let mut found = Vec::new();
-    for one in all {
-        if !found.contains(&one) {
-            found.push(one);
-        }
-    }
-    found
 }
