@@ -32,7 +32,7 @@ const ALLOWED: [(&str, &str, &[&str]); 33] = [
     (
         "echoloop-registration",
         "host/registration",
-        &["echoloop-clouds", "echoloop-dispatch", "echoloop-needs"],
+        &["echoloop-clouds", "echoloop-dispatch", "echoloop-needs", "echoloop-parameters"],
     ),
     (
         "echoloop-frontend",

@@ -9,7 +9,7 @@ use super::interrupt::{INTERRUPTED, end_the_process, is_ending};
 use echoloop_closed_loop::config::LoadError;
 use echoloop_closed_loop::dataset::DatasetError;
 use echoloop_closed_loop::external_search::ExternalSearchError;
-use echoloop_closed_loop::parameters::{CandidateError, ValueError};
+use echoloop_closed_loop::parameters::ValueError;
 use echoloop_closed_loop::prepared::PrepareError;
 use echoloop_closed_loop::run_folder::files::FileError;
 use echoloop_closed_loop::run_folder::journal::JournalError;
@@ -73,7 +73,6 @@ macro_rules! usage_errors {
 }
 
 usage_errors![
-    CandidateError,
     DatasetError,
     FileError,
     JournalError,

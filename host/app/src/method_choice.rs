@@ -38,6 +38,16 @@ pub(super) fn toml_name(value: impl clap::ValueEnum) -> toml::Value {
     value.to_possible_value().map(|v| v.get_name().to_owned()).unwrap_or_default().into()
 }
 
+/// Names of the methods of a kind: `icp, gicp and auto`.
+pub(super) fn methods_that(is_one: fn(Method) -> bool) -> String {
+    let names: Vec<&str> =
+        Method::ALL.into_iter().filter(|method| is_one(*method)).map(Method::name).collect();
+    match names.split_last() {
+        Some((last, others)) if !others.is_empty() => format!("{} and {last}", others.join(", ")),
+        _ => names.concat(),
+    }
+}
+
 /// Reads `--method`.
 pub(super) fn method_parser() -> impl TypedValueParser<Value = Method> {
     one_of(Method::ALL.map(|method| (method.name(), method.summary(), method)))

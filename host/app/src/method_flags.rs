@@ -1,8 +1,9 @@
 //! A flag for each row of registration's table of settings.
 
+use std::num::ParseFloatError;
 use std::sync::LazyLock;
 
-use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, value_parser};
+use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 
 use super::exit::Failure;
 use super::method_choice::{MODE_HELP, mode_parser};
@@ -30,70 +31,60 @@ struct OwnFlags {
     seed: Option<u64>,
 }
 
-/// Flag of a setting. The parser keeps names as long as the program runs.
-struct Flag {
-    setting: &'static Setting,
-    name: String,
-    former: Option<String>,
-}
+/// A flag for each setting. Made once: the parser keeps their names as long as the program runs.
+static FLAGS: LazyLock<Vec<Arg>> = LazyLock::new(|| SETTINGS.iter().map(flag).collect());
 
-static FLAGS: LazyLock<Vec<Flag>> = LazyLock::new(|| {
-    let flag = |setting: &'static Setting| Flag {
-        setting,
-        name: dashed(setting.key),
-        former: setting.former.map(dashed),
-    };
-    SETTINGS.iter().map(flag).collect()
-});
+fn flag(setting: &'static Setting) -> Arg {
+    let name = |key: &str| &*dashed(key).leak();
+    let arg = Arg::new(setting.key)
+        .long(name(setting.key))
+        .value_name(value_name(setting))
+        .value_parser(move |text: &str| number(setting, text))
+        .help(help(setting))
+        .help_heading(HEADING);
+    setting.former.map(name).into_iter().fold(arg, Arg::alias)
+}
 
 fn dashed(key: &str) -> String {
     key.replace('_', "-")
 }
 
-impl Flag {
-    fn arg(&'static self) -> Arg {
-        let arg = Arg::new(self.setting.key)
-            .long(self.name.as_str())
-            .value_name(value_name(self.setting))
-            .help(help(self.setting))
-            .help_heading(HEADING);
-        let arg = match self.setting.kind {
-            Kind::Count => arg.value_parser(move |text: &str| whole(self.setting, text)),
-            Kind::Real | Kind::Optional => arg.value_parser(value_parser!(f64)),
-        };
-        self.former.iter().fold(arg, |arg, former| arg.alias(former.as_str()))
-    }
-
-    fn value(&self, matches: &ArgMatches) -> Option<(&'static Setting, f64)> {
-        let key = self.setting.key;
-        let value = match self.setting.kind {
-            Kind::Count => matches.get_one(key).map(|&count: &usize| count as f64),
-            Kind::Real | Kind::Optional => matches.get_one(key).copied(),
-        };
-        value.map(|value| (self.setting, value))
+/// Reads a number. Its bound is checked later, when the method is known.
+fn number(setting: &Setting, text: &str) -> Result<f64, String> {
+    match setting.kind {
+        Kind::Whole => text
+            .parse::<usize>()
+            .map(|count| count as f64)
+            .map_err(|_| format!("expected a whole number, {}", setting.bounds())),
+        _ => text.parse().map_err(|error: ParseFloatError| error.to_string()),
     }
 }
 
-/// Reads a count. Its bound is checked later, when the method is known.
-fn whole(setting: &Setting, text: &str) -> Result<usize, String> {
-    text.parse().map_err(|_| format!("expected a whole number, {}", setting.bounds()))
+/// Settings that the command line gives.
+fn given(matches: &ArgMatches) -> impl Iterator<Item = (&'static Setting, f64)> {
+    SETTINGS.iter().filter_map(|setting| Some((setting, *matches.get_one(setting.key)?)))
 }
 
 fn value_name(setting: &Setting) -> &'static str {
     match (setting.kind, setting.unit) {
-        (Kind::Count, _) => "N",
+        (Kind::Whole, _) => "N",
         (_, "m") => "M",
         (_, "rad") => "RAD",
         _ => "SHARE",
     }
 }
 
+/// Names of the methods that have a setting.
+fn methods(setting: &Setting) -> Vec<&'static str> {
+    let having = Method::ALL.into_iter().filter(|&method| setting.of(method).is_some());
+    having.map(Method::name).collect()
+}
+
 /// Help of the table with the setting's bounds, after the methods that have it unless all do.
 fn help(setting: &Setting) -> String {
     let line = setting.help.strip_suffix('.').unwrap_or(setting.help);
     let line = format!("{line} [{}]", setting.bounds());
-    let methods = Method::ALL.into_iter().filter(|&method| setting.of(method).is_some());
-    let methods: Vec<&str> = methods.map(Method::name).collect();
+    let methods = methods(setting);
     if methods.len() == Method::ALL.len() {
         return line;
     }
@@ -103,19 +94,18 @@ fn help(setting: &Setting) -> String {
 
 impl FromArgMatches for MethodFlags {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        let given = FLAGS.iter().filter_map(|flag| flag.value(matches)).collect();
-        Ok(Self { given, own: OwnFlags::from_arg_matches(matches)? })
+        Ok(Self { given: given(matches).collect(), own: OwnFlags::from_arg_matches(matches)? })
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        self.given.extend(FLAGS.iter().filter_map(|flag| flag.value(matches)));
+        self.given.extend(given(matches));
         self.own.update_from_arg_matches(matches)
     }
 }
 
 impl Args for MethodFlags {
     fn augment_args(command: Command) -> Command {
-        OwnFlags::augment_args(command.args(FLAGS.iter().map(Flag::arg)))
+        OwnFlags::augment_args(command.args(FLAGS.iter().cloned()))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -159,43 +149,29 @@ impl MethodFlags {
 
     /// Settings as given, the others as they are there.
     pub(super) fn laid_over(&self, mut config: MethodConfig) -> Result<MethodConfig, Failure> {
-        if let (MethodConfig::Fgr(fgr), Some(seed)) = (&mut config, self.own.seed) {
-            fgr.seed = seed;
+        if let Some(seed) = self.own.seed {
+            config.set_seed(seed);
         }
-        self.keep_distance(&mut config);
+        if self.gives("max_pair_distance_m") {
+            config.clear("first_pair_distance_m"); // none may be below that of the last pairs
+        }
         for (setting, value) in &self.given {
             config.set(setting.key, *value);
         }
-        self.widen_features(&mut config);
-        config.check().map_err(Failure::usage)?;
-        Ok(config)
-    }
-
-    /// Widens the features' radius to a given normal radius, unless it is given, too.
-    fn widen_features(&self, config: &mut MethodConfig) {
-        if self.gives("normal_radius_m")
-            && !self.gives("feature_radius_m")
-            && config.method().is_global()
-        {
+        // The features' radius follows a given normal radius, unless it is given, too.
+        let widens = self.gives("normal_radius_m") && !self.gives("feature_radius_m");
+        if widens && config.method().is_global() {
             config.repair();
         }
-    }
-
-    /// Drops the coarse start where a pair distance is given: none may be above it.
-    fn keep_distance(&self, config: &mut MethodConfig) {
-        if self.gives("max_pair_distance_m") {
-            match config {
-                MethodConfig::Icp(config) => config.first_pair_distance_m = None,
-                MethodConfig::Gicp(config) => config.first_pair_distance_m = None,
-                _ => {}
-            }
-        }
+        config.check().map_err(Failure::usage)?;
+        Ok(config)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use clap::Parser;
+    use echoloop_registration::setting;
 
     use super::*;
 
@@ -223,7 +199,7 @@ mod tests {
                 }
             }
             let fraction = read(&dashed(setting.key), "7.5");
-            assert_eq!(fraction.is_err(), setting.kind == Kind::Count, "{}", setting.key);
+            assert_eq!(fraction.is_err(), setting.kind == Kind::Whole, "{}", setting.key);
         }
     }
 
@@ -236,13 +212,16 @@ mod tests {
             assert!(setting.former.is_none_or(|former| !help.contains(&dashed(former))));
         }
         let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+        let of = |key: &str| methods(setting(key).unwrap()).join(", ");
+        let distance = "largest distance between the points of a pair, m [a length above 0 m, at \
+             most 1e6 m] --";
+        let turn = "turn of a step, rad, below which the run ends if its length";
         for line in [
-            "icp, gicp, fgr, mac: largest distance between the points of a pair, m [a length above \
-             0 m, at most 1e6 m] --",
+            &format!("{}: {distance}", of("max_pair_distance_m")),
             "fgr, mac: radius of the neighbourhood of a feature, m [a length above 0 m, at most \
              1e6 m; normal_radius_m or more (Sec. 3.3)]",
-            "iterations [icp, gicp: 1 or more; fgr: 1 to 100000; mac: at most 100000]",
-            "icp, gicp: turn of a step, rad, below which the run ends if its length",
+            ": 1 or more; fgr: 1 to 100000; mac: at most 100000]",
+            &format!("{}: {turn}", of("rotation_tolerance_rad")),
         ] {
             assert!(help.contains(line), "{line}: {help}");
         }

@@ -7,7 +7,7 @@ use clap::Args;
 use super::cloud_output::{CloudOutput, format_parser, outputs, tell, wrote};
 use super::common::{Common, on_threads};
 use super::exit::Failure;
-use super::method_choice::method_parser;
+use super::method_choice::{method_parser, methods_that};
 use super::method_flags::MethodFlags;
 use echoloop_closed_loop::parameters::{Parameters, written};
 use echoloop_closed_loop::run_folder::tuned_run::tuned_config;
@@ -43,9 +43,11 @@ pub(crate) struct RegisterArgs {
     /// Settings that the run tuned.
     #[arg(skip)]
     tuned: Option<MethodConfig>,
-    /// Of icp, gicp and auto, where to start: a file with target_from_source, as --json writes it,
-    /// as a 4 × 4 matrix, or as a KITTI row of 12 numbers [default: identity].
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help = format!(
+        "Of {}, where to start: a file with target_from_source, as --json writes it, as a 4 × 4 \
+         matrix, or as a KITTI row of 12 numbers [default: identity]",
+        methods_that(|method| !method.is_rough())
+    ))]
     initial: Option<PathBuf>,
     #[arg(short, long, value_name = "FILE", help = format!(
         "Where to write the source in the target's frame, with all that its file says of each \
@@ -99,7 +101,8 @@ fn check(args: &RegisterArgs) -> Result<(), Failure> {
     }
     if args.initial.is_some() && args.method.is_rough() {
         return Err(Failure::usage(format!(
-            "--initial goes with icp, gicp and auto: {name} searches everywhere"
+            "--initial goes with {}: {name} searches everywhere",
+            methods_that(|method| !method.is_rough())
         )));
     }
     args.settings.check(args.method)

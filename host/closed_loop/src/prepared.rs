@@ -5,8 +5,8 @@
 
 use std::sync::atomic::AtomicBool;
 
-use clap::ValueEnum;
 use echoloop_dsp::Hardware;
+use echoloop_parameters::choice;
 use thiserror::Error;
 
 use crate::config::RunConfig;
@@ -59,22 +59,13 @@ fn changed_by(cost: CostKind) -> String {
     }
 }
 
-/// One of the two sets of pairs.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum PairSet {
-    /// Those that a search sees.
-    Train,
-    /// Those that it is judged on: other viewpoints of the same towns.
-    Test,
-}
-
-impl PairSet {
-    /// Name on the command line and in documents.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Train => "train",
-            Self::Test => "test",
-        }
+choice! {
+    /// One of the two sets of pairs.
+    pub enum PairSet by default Test {
+        /// Those that a search sees.
+        Train = "train",
+        /// Those that it is judged on: other viewpoints of the same towns.
+        Test = "test",
     }
 }
 

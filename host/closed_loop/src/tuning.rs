@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 
 use crate::config::RunConfig;
-use crate::config::preset::PowerRange;
+use crate::config::preset::LidarPreset;
 use crate::cost::CostKind;
 use crate::evaluation::compare::Comparison;
 use crate::evaluation::objective::Registered;
@@ -85,7 +85,7 @@ pub fn search_front(
     let Some(cost) = config.front.cost else { return Ok(None) };
     let is_bounded = config.tune.axes.of("lidar.power").is_some();
     let space = match cost {
-        CostKind::Energy if !is_bounded => search.space.clone().with_power(PowerRange::Whole),
+        CostKind::Energy if !is_bounded => search.space.clone().with_power(LidarPreset::Full),
         _ => search.space.clone(),
     };
     let judged = [&judged.before, &judged.after];

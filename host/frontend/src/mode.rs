@@ -1,17 +1,13 @@
 //! The model that makes waveforms.
 
-use echoloop_parameters::Value;
-use serde::{Deserialize, Serialize};
+use echoloop_parameters::choice;
 
-/// Model that makes the waveforms.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Mode {
-    /// Optical power, currents, shot noise and amplifier noise.
-    #[default]
-    Physical,
-    /// Arbitrary units and Poisson noise.
-    LitlCompat,
+choice! {
+    /// Model that makes the waveforms.
+    pub enum Mode by default Physical {
+        /// Optical power, currents, shot noise and amplifier noise.
+        Physical = "physical",
+        /// Arbitrary units and Poisson noise.
+        LitlCompat = "litl-compat",
+    }
 }
-
-impl Value for Mode {}

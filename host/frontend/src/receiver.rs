@@ -27,7 +27,7 @@ section! {
     /// F    = k·M + (1 − k)(2 − 1/M)                     McIntyre excess noise
     /// ```
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[serde(deny_unknown_fields, default, expecting = "a table, [receiver]")]
     pub struct Receiver in "receiver" {
         aperture_mm: f64, "mm", Bounds::above(0.0, 1e3),
             "Diameter of the aperture, mm.";
@@ -67,7 +67,7 @@ section! {
             "b, bits of the converter.";
         extinction_per_m: f64, "1/m", Bounds::between(0.0, 10.0),
             "α of clear air, 1/m; that of the weather comes on top.";
-        mode: Mode, "", Bounds::OneOf(&["physical", "litl-compat"]),
+        mode: Mode, "", Mode::BOUNDS,
             "Model that makes the waveforms: `physical`, or `litl-compat`, arbitrary units with \
              Poisson noise.";
         timing_jitter_ns: f64, "ns", Bounds::between(0.0, 10.0),

@@ -1,23 +1,22 @@
 //! Weather: the `[weather]` section, and the optical constants that follow from it.
 
-use echoloop_parameters::{Bounds, Case, Range, Refused, Value, section};
+use echoloop_parameters::{Bounds, Case, Range, Refused, choice, section};
 use serde::{Deserialize, Serialize};
 
-/// Kind of weather.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Precipitation {
-    /// Clear air.
-    #[default]
-    None,
-    /// Droplets, always a continuous medium.
-    Fog,
-    /// Drops.
-    Rain,
-    /// Dry flakes.
-    Snow,
-    /// Wet flakes.
-    WetSnow,
+choice! {
+    /// Kind of weather.
+    pub enum Precipitation by default None {
+        /// Clear air.
+        None = "none",
+        /// Droplets, always a continuous medium.
+        Fog = "fog",
+        /// Drops.
+        Rain = "rain",
+        /// Dry flakes.
+        Snow = "snow",
+        /// Wet flakes.
+        WetSnow = "wet-snow",
+    }
 }
 
 section! {
@@ -26,9 +25,9 @@ section! {
     /// It weakens every echo by `e^(−2αR)` and adds light of its own: a continuous return, and near
     /// the sensor, in rain and snow, single drops and flakes that look like small targets.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[serde(deny_unknown_fields, default, expecting = "a table, [weather]")]
     pub struct Weather in "weather" {
-        kind: Precipitation, "", Bounds::OneOf(&["none", "fog", "rain", "snow", "wet-snow"]),
+        kind: Precipitation, "", Precipitation::BOUNDS,
             "Kind of weather: `none`, `fog`, `rain`, `snow` (dry) or `wet-snow`.";
         visibility_m: f64, "m", Bounds::Cases(&[Case { when: FOG, range: Range::new(6.0, 998.0) }]),
             "MOR, meteorological optical range of fog, m: 6 to 998 are α 0.5 to 0.003 /m.";
@@ -133,8 +132,6 @@ impl Weather {
         }
     }
 }
-
-impl Value for Precipitation {}
 
 fn fog(visibility_m: f64) -> Air {
     Air {

@@ -2,11 +2,15 @@
 
 use std::fmt;
 
+use crate::choice;
+
 /// Bounds of a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bounds {
     /// Within a range. Of several numbers, each.
     Within(Range),
+    /// Within a range that has words of its own.
+    Called(&'static str, Range),
     /// 0, which has the meaning of the word, or within a range.
     ZeroOr(&'static str, Range),
     /// Length of a list, and the word for its items.
@@ -43,6 +47,20 @@ pub enum Step {
     Odd,
     /// 1, 2, 4, 8, …
     PowerOfTwo,
+}
+
+choice! {
+    /// Spacing of the values of a range in which a search may look.
+    pub enum Scale by default Linear {
+        /// Even.
+        Linear = "linear",
+        /// Even in the logarithm.
+        Log = "log",
+        /// Whole numbers, each with an equal share.
+        Integer = "integer",
+        /// 1, 2, 4, …, each with an equal share.
+        PowerOfTwo = "power-of-two",
+    }
 }
 
 /// A range that applies under a condition.
@@ -86,6 +104,14 @@ impl Bounds {
         Self::ZeroOr(word, Range::new(min, max))
     }
 
+    /// The same range, called by words of its own.
+    pub const fn called(self, words: &'static str) -> Self {
+        match self {
+            Self::Within(range) => Self::Called(words, range),
+            other => other,
+        }
+    }
+
     /// A list of `min` to `max` items, which `word` names.
     pub const fn count(min: f64, max: f64, word: &'static str) -> Self {
         Self::Count(Range::new(min, max), word)
@@ -94,7 +120,10 @@ impl Bounds {
     /// Its ranges, each with its condition, if it has one.
     pub fn ranges(&self) -> Vec<(Option<&'static str>, Range)> {
         match self {
-            Self::Within(range) | Self::ZeroOr(_, range) | Self::Count(range, _) => {
+            Self::Within(range)
+            | Self::Called(_, range)
+            | Self::ZeroOr(_, range)
+            | Self::Count(range, _) => {
                 vec![(None, *range)]
             }
             Self::Cases(cases) => cases.iter().map(|case| (Some(case.when), case.range)).collect(),
@@ -105,7 +134,7 @@ impl Bounds {
     /// The one range of a number; None where there are several, or none.
     pub fn range(&self) -> Option<Range> {
         match self {
-            Self::Within(range) | Self::ZeroOr(_, range) => Some(*range),
+            Self::Within(range) | Self::Called(_, range) | Self::ZeroOr(_, range) => Some(*range),
             _ => None,
         }
     }
@@ -118,7 +147,7 @@ impl Bounds {
     /// True when a number is allowed, as far as that depends on nothing else.
     pub fn allows(&self, number: f64) -> bool {
         match self {
-            Self::Within(range) => range.contains(number),
+            Self::Within(range) | Self::Called(_, range) => range.contains(number),
             Self::ZeroOr(_, range) => number == 0.0 || range.contains(number),
             Self::Count(..) | Self::Cases(_) | Self::OneOf(_) | Self::Words(_) => true,
         }
@@ -186,7 +215,7 @@ impl fmt::Display for Bounds {
                 f.write_str(&cases.join(", "))
             }
             Self::OneOf(names) => write!(f, "one of {}", names.join(", ")),
-            Self::Words(words) => f.write_str(words),
+            Self::Words(words) | Self::Called(words, _) => f.write_str(words),
         }
     }
 }
@@ -211,6 +240,7 @@ mod tests {
                 vec![1.0, 2.0, 8.0],
                 vec![0.5, 3.0, 16.0],
             ),
+            (Bounds::above(0.0, 9.0).called("a length"), "a length", vec![9.0], vec![0.0, up(9.0)]),
             (
                 Bounds::zero_or("automatic", 2.0, 9.0),
                 "0 (automatic) or 2 to 9",

@@ -22,10 +22,11 @@
 //! ```
 
 mod bounds;
+mod choice;
 mod parameter;
 mod section;
 mod value;
 
-pub use bounds::{Bounds, Case, Range, Step};
+pub use bounds::{Bounds, Case, Range, Scale, Step};
 pub use parameter::{Parameter, Refused};
 pub use value::{Kind, Value};

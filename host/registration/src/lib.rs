@@ -75,11 +75,12 @@ mod tests;
 pub use auto::Auto;
 pub use config::{
     AutoConfig, ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig,
-    MacConfig, Method, MethodConfig, SETTINGS, Setting, SettingKind, SettingKind as Kind, setting,
+    MacConfig, Method, MethodConfig, SETTINGS, Setting, setting,
 };
 pub use covariance::Covariance;
 pub use echoloop_clouds as clouds;
 pub use echoloop_clouds::{Cloud, Pose, pose};
+pub use echoloop_parameters::Kind;
 pub use fgr::Fgr;
 pub use gicp::Gicp;
 pub use icp::Icp;

@@ -1,9 +1,7 @@
 //! Building any method from its settings.
 
 use crate::config::with_methods;
-use crate::{
-    Auto, ConfigError, Fgr, Gicp, Icp, IcpConfig, Mac, MethodConfig, Refined, Registration,
-};
+use crate::*;
 
 macro_rules! declare {
     ($($method:ident $config:ident $name:literal $searched:ident $help:literal;)+) => {

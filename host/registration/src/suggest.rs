@@ -81,7 +81,6 @@ impl<'a> Suggestions<'a> {
         let icp = || voxel_m.map_or_else(|| self.icp(), |voxel_m| self.icp_of_voxel(voxel_m));
         match (method, mode) {
             (Method::Icp, _) => MethodConfig::Icp(icp()),
-            (Method::Gicp, _) => MethodConfig::Gicp(GicpConfig::from(&icp())),
             (Method::Fgr, FgrMode::Annealed) => {
                 MethodConfig::Fgr(FgrConfig::from_features(features()))
             }
@@ -90,6 +89,7 @@ impl<'a> Suggestions<'a> {
             }
             (Method::Mac, _) => MethodConfig::Mac(MacConfig::from_features(features())),
             (Method::Auto, _) => MethodConfig::Auto(self.auto(voxel_m)),
+            (local, _) => with_lengths(local, icp()),
         }
     }
 
@@ -192,6 +192,17 @@ pub fn suggest_refinement(target: &Cloud, source: &Cloud, global_voxel_m: f64) -
 /// the rougher the motion: refine it.
 pub fn suggest_features(target: &Cloud, source: &Cloud) -> FeatureConfig {
     Suggestions::new(target, source).features()
+}
+
+/// Defaults of a local method with the lengths of settings of ICP.
+fn with_lengths(method: Method, icp: IcpConfig) -> MethodConfig {
+    let (mut config, icp) = (MethodConfig::outdoor(method), MethodConfig::Icp(icp));
+    for (setting, _) in Method::Icp.settings().filter(|(setting, _)| setting.unit == "m") {
+        if let Some(length_m) = icp.get(setting.key) {
+            config.set(setting.key, length_m);
+        }
+    }
+    config
 }
 
 /// The voxel, or a larger one that leaves few enough points with enough neighbours; unchanged if

@@ -3,7 +3,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use echoloop_registration::config::{Range, Spacing};
+use echoloop_parameters::Scale;
+use echoloop_registration::config::Range;
 use echoloop_registration::{Method, MethodConfig, SETTINGS, Setting};
 
 const BEGIN: &str = "<!-- written by `cargo test -p echoloop-registration --test settings`, \
@@ -66,8 +67,8 @@ fn axes() -> String {
     text
 }
 
-fn range(Range { min, max, spacing }: Range) -> String {
-    let spacing = if spacing == Spacing::Log { ", log" } else { "" };
+fn range(Range { min, max, scale }: Range) -> String {
+    let spacing = if scale == Scale::Log { ", log" } else { "" };
     format!("{min} to {max}{spacing}")
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{LazyLock, Mutex};
 
-use echoloop_closed_loop::config::preset::PowerRange;
+use echoloop_closed_loop::config::preset::LidarPreset;
 use echoloop_closed_loop::config::{RunConfig, load};
 use echoloop_closed_loop::cost::CostKind;
 use echoloop_closed_loop::dataset::Dataset;
@@ -78,7 +78,7 @@ fn of_choice<'a>(
     judged: &'a [Summary; 2],
 ) -> FrontSearch<'a> {
     let tuned = choice(search, power_uw);
-    let space = search.space.clone().with_power(PowerRange::Whole);
+    let space = search.space.clone().with_power(LidarPreset::Full);
     FrontSearch { search, space, tuned, judged: judged.each_ref(), cost: CostKind::Energy }
 }
 

@@ -131,7 +131,7 @@ fn the_document_lists_every_setting_of_the_method_and_flags_change_them() {
             assert_eq!(document[*key].as_f64(), Some(*value), "{method} {key}: {document}");
         }
         for setting in SETTINGS.iter().filter(|setting| !document[setting.key].is_null()) {
-            let is_count = setting.kind == Kind::Count;
+            let is_count = setting.kind == Kind::Whole;
             assert_eq!(document[setting.key].is_u64(), is_count, "{}: {document}", setting.key);
         }
     }

@@ -1,17 +1,30 @@
-//! Choices by name: their types read no other names than the keys say.
+//! Choices by name as values of flags.
 
+use clap::ValueEnum;
+use clap::builder::PossibleValue;
 use echoloop_parameters::Value;
 
 use crate::config::preset::{ErrorMean, LidarPreset, Objective, Preset, Protocol, Strategy};
 use crate::cost::CostKind;
+use crate::prepared::PairSet;
 
 /// The costs of a scan.
 pub(super) const COSTS: [&str; 4] = ["energy", "instructions", "bits", "seconds"];
 
 impl Value for CostKind {}
-impl Value for ErrorMean {}
-impl Value for LidarPreset {}
-impl Value for Objective {}
-impl Value for Preset {}
-impl Value for Protocol {}
-impl Value for Strategy {}
+
+macro_rules! flag_values {
+    ($($choice:ty),*) => {$(
+        impl ValueEnum for $choice {
+            fn value_variants<'a>() -> &'a [Self] {
+                &Self::ALL
+            }
+
+            fn to_possible_value(&self) -> Option<PossibleValue> {
+                Some(PossibleValue::new(self.name()).help(self.summary()))
+            }
+        }
+    )*};
+}
+
+flag_values!(ErrorMean, LidarPreset, Objective, PairSet, Preset, Protocol, Strategy);

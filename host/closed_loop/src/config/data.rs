@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 section! {
     /// Pairs of scans to register.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[serde(deny_unknown_fields, default, expecting = "a table, [data]")]
     pub struct DataConfig in "data" {
         train_pairs: usize, "pairs", Bounds::between(1.0, 1e4),
             "Pairs to tune on: 30, of global methods 100, with the paper's strategy 10.";

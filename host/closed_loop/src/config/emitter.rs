@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 section! {
     /// Limits of the laser.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[serde(deny_unknown_fields, default, expecting = "a table, [emitter]")]
     pub struct EmitterConfig in "emitter" {
         energy_limit_nj: f64, "nJ", Bounds::between(MIN_NJ, MAX_NJ),
             "Greatest energy of a pulse, power times width, nJ: the sensor refuses settings above \
@@ -38,5 +38,11 @@ mod tests {
         let (power, width) = (ParameterId::Power.parameter(), ParameterId::PulseWidth.parameter());
         let energy_nj = |power_uw| f64::from(pulse_energy_pj(power_uw, width.max)) / 1e3;
         assert_eq!([MIN_NJ, MAX_NJ], [energy_nj(power.min), energy_nj(power.max)]);
+        let check = |energy_limit_nj| EmitterConfig { energy_limit_nj }.check_keys();
+        assert_eq!([MIN_NJ, MAX_NJ].map(check), [Ok(()), Ok(())]);
+        for limit_nj in [0.0, -1.0, 0.0009, 2000.1, f64::NAN, f64::INFINITY] {
+            let expected = format!("emitter.energy_limit_nj = {limit_nj} must be 0.001 to 2000");
+            assert_eq!(check(limit_nj).unwrap_err().to_string(), expected);
+        }
     }
 }

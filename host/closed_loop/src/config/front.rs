@@ -9,7 +9,7 @@ use crate::cost::CostKind;
 section! {
     /// Search for a front of error against a cost.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[serde(deny_unknown_fields, default, expecting = "a table, [front]")]
     pub struct FrontConfig in "front" {
         #[serde(skip_serializing_if = "Option::is_none")]
         cost: Option<CostKind>, "", Bounds::OneOf(&COSTS),

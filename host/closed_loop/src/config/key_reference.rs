@@ -8,7 +8,7 @@ use echoloop_registration::{Method, SETTINGS};
 use serde::Serialize;
 use toml::Value;
 
-use super::preset::{Preset, Strategy};
+use super::preset::Strategy;
 use super::{LoadError, Override, RunConfig, ScannerConfig, load};
 use crate::parameters::{Ranges, Row, ThetaReg, table, written};
 
@@ -116,7 +116,7 @@ type ValuesByKey = BTreeMap<String, Value>;
 pub fn explained(config: &RunConfig) -> Result<Vec<Explained>, LoadError> {
     let choices = [
         ("registration.method", config.registration.method.name().to_owned()),
-        ("registration.preset", preset_name(config.registration.preset).to_owned()),
+        ("registration.preset", config.registration.preset.name().to_owned()),
         ("tune.strategy", config.tune.strategy.name().to_owned()),
         ("scanner.pattern", config.scanner.pattern.clone()),
     ];
@@ -142,13 +142,6 @@ pub fn explained(config: &RunConfig) -> Result<Vec<Explained>, LoadError> {
     Ok(table(config).into_iter().map(explain).collect())
 }
 
-fn preset_name(preset: Preset) -> &'static str {
-    match preset {
-        Preset::Outdoor => "outdoor",
-        Preset::Paper => "paper",
-    }
-}
-
 /// The default configuration with some choices made.
 fn with(choices: &[(&str, String)]) -> Result<RunConfig, LoadError> {
     let made: Vec<Override> =
@@ -159,8 +152,8 @@ fn with(choices: &[(&str, String)]) -> Result<RunConfig, LoadError> {
 /// The defaults with each other choice of a method, a strategy and a pattern, by its key and name.
 fn others(choices: &[(&str, String); 4]) -> Result<Vec<(String, ValuesByKey)>, LoadError> {
     let names: [(usize, Vec<&str>); 3] = [
-        (0, Method::ALL.map(Method::name).to_vec()),
-        (2, [Strategy::Fast, Strategy::Paper].map(Strategy::name).to_vec()),
+        (0, Method::NAMES.to_vec()),
+        (2, Strategy::NAMES.to_vec()),
         (3, ScannerConfig::patterns().collect()),
     ];
     let mut found = Vec::new();

@@ -10,19 +10,15 @@ use thiserror::Error;
 use super::keys::{key, keys};
 use super::{DataConfig, RunConfig, TuneConfig};
 use crate::config::preset::Strategy;
+use crate::run_folder::files::{FileError, file_error};
 
 /// Error of a configuration.
 #[derive(Debug, Error)]
 pub enum LoadError {
     /// The file cannot be read.
-    #[error("cannot read {}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Reason.
-        source: std::io::Error,
-    },
-    /// The file is no configuration. The message has line and caret.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The file is no configuration, or no candidate. The message has the place.
     #[error("{}: {message}", path.display())]
     Parse {
         /// The file.
@@ -218,8 +214,7 @@ fn follow_strategy(config: &mut RunConfig, given: toml::Table) -> Result<(), Loa
 
 /// The file's table, after its text has been taken for a [`RunConfig`]: errors then show the line.
 fn read(path: &Path) -> Result<toml::Table, LoadError> {
-    let text = read_text(path, MOST_TEXT)
-        .map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+    let text = read_text(path, MOST_TEXT).map_err(file_error("read", path))?;
     let fail = |message| LoadError::Parse { path: path.to_owned(), message };
     parse(&text).map_err(|problem| fail(problem + &wanted(&text).unwrap_or_default()))?;
     toml::from_str(&text).map_err(|error| fail(told(&error)))
@@ -391,6 +386,7 @@ mod tests {
             ("[lidar]\ntiming = \"late\"", "rising-edge"),
             ("[lidar]\ntiming = 3", "invalid type"),
             ("[data]\ntrain_pairs = -1", "line 2"),
+            ("scanner = 3", "expected a table, [scanner]"),
             ("[data]\nbaseline_m = nan", "data.baseline_m = NaN must be 0 to 100"),
             ("[receiver]\nadc_bits = 99", "receiver.adc_bits = 99 must be 8 to 14"),
             ("[tune]\nsigma = 0", "tune.sigma = 0 must be above 0"),

@@ -159,8 +159,6 @@ pub fn default_runs_folder() -> PathBuf {
 
 #[cfg(test)]
 mod tests {
-    use echoloop_dsp::{PARAMETERS, ParameterId};
-
     use super::*;
 
     #[test]
@@ -169,28 +167,5 @@ mod tests {
         assert_eq!(config.hardware(), Hardware::REFERENCE);
         config.emitter.energy_limit_nj = 512.5;
         assert_eq!(config.hardware(), Hardware { energy_limit_pj: 512_500, ..Hardware::REFERENCE });
-    }
-
-    #[test]
-    fn every_energy_limit_leaves_each_pulse_width_a_power_and_the_greatest_all() {
-        let of = |id: ParameterId| &PARAMETERS[id as usize];
-        let (power, width) = (of(ParameterId::Power), of(ParameterId::PulseWidth));
-        let with = |energy_limit_nj| RunConfig {
-            emitter: EmitterConfig { energy_limit_nj },
-            ..RunConfig::default()
-        };
-        let picojoules = |code| power.to_unit(code) * width.to_unit(width.max) * 1e3;
-        let bounds = [power.min, power.max].map(|code| picojoules(code).ceil() / 1e3);
-        assert_eq!(bounds, [0.001, 2000.0]);
-        for limit_nj in bounds {
-            with(limit_nj).check().unwrap();
-        }
-        for limit_nj in [0.0, -1.0, 0.0009, 2000.1, f64::NAN, f64::INFINITY] {
-            let problem = with(limit_nj).check().unwrap_err().to_string();
-            assert_eq!(
-                problem,
-                format!("emitter.energy_limit_nj = {limit_nj} must be 0.001 to 2000")
-            );
-        }
     }
 }

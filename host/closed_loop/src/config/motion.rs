@@ -1,6 +1,6 @@
 //! The `[motion]` section: a sensor that moves and shakes while it scans.
 
-use echoloop_parameters::{Bounds, Value, section};
+use echoloop_parameters::{Bounds, choice, section};
 use serde::{Deserialize, Serialize};
 
 section! {
@@ -10,7 +10,7 @@ section! {
     /// `t = ((b + ½)/n − ½) · duration`. The pose of a scan, and so the truth of a pair, is that of
     /// its middle, t = 0; points are laid out as if all were measured from there.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[serde(deny_unknown_fields, default, expecting = "a table, [motion]")]
     pub struct Motion in "motion" {
         duration_s: f64, "s", Bounds::between(0.0, 10.0),
             "Time from a scan's first beam to its last, s; 0: all at once.";
@@ -22,20 +22,19 @@ section! {
             "Spread of the shaking about each axis, mrad.";
         jitter_mm: f64, "mm", Bounds::between(0.0, 1000.0),
             "Spread of the shaking along each axis, mm.";
-        jitter_per: JitterPer, "", Bounds::OneOf(&["column", "beam"]),
+        jitter_per: JitterPer, "", JitterPer::BOUNDS,
             "What shakes as one: `column` or `beam`.";
     }
 }
 
-/// Beams that shake as one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum JitterPer {
-    /// The beams of a column.
-    #[default]
-    Column,
-    /// Each beam for itself.
-    Beam,
+choice! {
+    /// Beams that shake as one.
+    pub enum JitterPer by default Column {
+        /// The beams of a column.
+        Column = "column",
+        /// Each beam for itself.
+        Beam = "beam",
+    }
 }
 
 impl Default for Motion {
@@ -59,8 +58,6 @@ impl Motion {
         steady && self.jitter_mrad == 0.0 && self.jitter_mm == 0.0
     }
 }
-
-impl Value for JitterPer {}
 
 #[cfg(test)]
 mod tests {

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use echoloop_parameters::{Bounds, Kind as KeyKind, Parameter};
-use echoloop_registration::{FgrMode, Kind, Method, SETTINGS};
+use echoloop_parameters::{Bounds, Kind, Parameter};
+use echoloop_registration::{FgrMode, Method, SETTINGS, setting};
 use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -29,25 +29,25 @@ pub struct RegistrationConfig {
 /// The keys that are no settings of registration's table.
 pub(super) const OWN_KEYS: &[Parameter] = &[
     Parameter {
-        bounds: Bounds::OneOf(&METHODS),
+        bounds: Method::BOUNDS,
         ..text("registration.method", "How scans are registered, from near or from anywhere.")
     },
     Parameter {
-        bounds: Bounds::OneOf(&["outdoor", "paper"]),
+        bounds: Preset::BOUNDS,
         ..text(
             "registration.preset",
             "Ranges and defaults: `outdoor`, or `paper` (Sec. 3.3, made for indoor spacing).",
         )
     },
     Parameter {
-        bounds: Bounds::OneOf(&["annealed", "open3d"]),
+        bounds: FgrMode::BOUNDS,
         ..text(
             "registration.mode",
             "Of FGR: `annealed`, or `open3d` (as Open3D 0.20 runs it, the paper's baseline).",
         )
     },
     Parameter {
-        kind: KeyKind::Flag,
+        kind: Kind::Flag,
         bounds: Bounds::FLAG,
         ..text(
             "registration.refine",
@@ -56,18 +56,8 @@ pub(super) const OWN_KEYS: &[Parameter] = &[
     },
 ];
 
-const METHODS: [&str; Method::ALL.len()] = {
-    let mut names = [""; Method::ALL.len()];
-    let mut i = 0;
-    while i < names.len() {
-        names[i] = Method::ALL[i].name();
-        i += 1;
-    }
-    names
-};
-
 const fn text(key: &'static str, help: &'static str) -> Parameter {
-    Parameter { key, unit: "", kind: KeyKind::Text, bounds: Bounds::OneOf(&[]), help }
+    Parameter { key, unit: "", kind: Kind::Text, bounds: Bounds::OneOf(&[]), help }
 }
 
 impl RegistrationConfig {
@@ -88,58 +78,41 @@ impl RegistrationConfig {
     /// as it was.
     #[must_use]
     pub fn with(mut self, key: &str, value: f64) -> Self {
-        if let Some(Key::Setting(index)) = Key::by_name(key) {
-            self.given[index] = Some(value);
+        if let Some(given) = Key::by_name(key).and_then(|Key(at)| at.checked_sub(OWN.len())) {
+            self.given[given] = Some(value);
         }
         self
     }
 }
 
-/// A key of the section.
-enum Key {
-    Method,
-    Preset,
-    Mode,
-    Refine,
-    /// A setting, by its place in [`SETTINGS`].
-    Setting(usize),
-}
+/// The keys before those of the settings.
+const OWN: [&str; 4] = ["method", "preset", "mode", "refine"];
+
+/// The keys of the section: [`OWN`], then those of [`SETTINGS`].
+const NAMES: [&str; OWN.len() + SETTINGS.len()] = {
+    let mut names = [""; OWN.len() + SETTINGS.len()];
+    let mut i = 0;
+    while i < names.len() {
+        names[i] = if i < OWN.len() { OWN[i] } else { SETTINGS[i - OWN.len()].key };
+        i += 1;
+    }
+    names
+};
+
+/// A key by its place in [`NAMES`].
+struct Key(usize);
 
 impl Key {
-    /// The keys before those of the settings.
-    const OWN: [&'static str; 4] = ["method", "preset", "mode", "refine"];
-
-    const NAMES: [&'static str; Self::OWN.len() + SETTINGS.len()] = {
-        let mut names = [""; Self::OWN.len() + SETTINGS.len()];
-        let mut i = 0;
-        while i < names.len() {
-            let own = i < Self::OWN.len();
-            names[i] = if own { Self::OWN[i] } else { SETTINGS[i - Self::OWN.len()].key };
-            i += 1;
-        }
-        names
-    };
-
     fn by_name(name: &str) -> Option<Self> {
-        match name {
-            "method" => Some(Self::Method),
-            "preset" => Some(Self::Preset),
-            "mode" => Some(Self::Mode),
-            "refine" => Some(Self::Refine),
-            _ => {
-                let named = |setting: &echoloop_registration::Setting| {
-                    setting.key == name || setting.former == Some(name)
-                };
-                SETTINGS.iter().position(named).map(Self::Setting)
-            }
-        }
+        let name = setting(name).map_or(name, |setting| setting.key);
+        NAMES.iter().position(|known| *known == name).map(Self)
     }
 }
 
 impl<'de> Deserialize<'de> for Key {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let name = String::deserialize(deserializer)?;
-        Self::by_name(&name).ok_or_else(|| D::Error::unknown_field(&name, &Self::NAMES))
+        Self::by_name(&name).ok_or_else(|| D::Error::unknown_field(&name, &NAMES))
     }
 }
 
@@ -160,20 +133,20 @@ impl<'de> Visitor<'de> for Section {
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<RegistrationConfig, A::Error> {
         let mut config = RegistrationConfig::default();
-        while let Some(key) = map.next_key()? {
-            match key {
-                Key::Method => config.method = map.next_value()?,
-                Key::Preset => config.preset = map.next_value()?,
-                Key::Mode => config.mode = map.next_value()?,
-                Key::Refine => config.refine = map.next_value()?,
-                Key::Setting(index) => {
-                    let (key, value) = (SETTINGS[index].key, map.next_value::<f64>()?);
+        while let Some(Key(at)) = map.next_key()? {
+            match NAMES[at] {
+                "method" => config.method = map.next_value()?,
+                "preset" => config.preset = map.next_value()?,
+                "mode" => config.mode = map.next_value()?,
+                "refine" => config.refine = map.next_value()?,
+                key => {
+                    let value = map.next_value::<f64>()?;
                     if !value.is_finite() {
                         return Err(A::Error::custom(format_args!(
                             "{key} = {value} must be finite"
                         )));
                     }
-                    if config.given[index].replace(value).is_some() {
+                    if config.given[at - OWN.len()].replace(value).is_some() {
                         return Err(A::Error::duplicate_field(key));
                     }
                 }
@@ -196,7 +169,7 @@ impl Serialize for RegistrationConfig {
         }
         for (setting, value) in SETTINGS.iter().zip(self.given) {
             if let Some(value) = value {
-                let written = Written::new(value, setting.kind == Kind::Count);
+                let written = Written::new(value, setting.kind == Kind::Whole);
                 map.serialize_entry(setting.key, &written)?;
             }
         }

@@ -17,7 +17,8 @@ section! {
     ///
     /// A key that does not apply to the pattern is absent, and refused when it is given.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-    #[serde(remote = "Self", deny_unknown_fields, default = "ScannerConfig::left_out")]
+    #[serde(remote = "Self", expecting = "a table, [scanner]")]
+    #[serde(deny_unknown_fields, default = "ScannerConfig::left_out")]
     pub struct ScannerConfig in "scanner" {
         pattern: String, "", Bounds::Words("one of grid, raster, vlp-16, vlp-32c, vls-128, \
              hdl-64e, os1-64, os1-128, livox-mid-40, or a table as FILE.csv"),

@@ -16,7 +16,7 @@ const DRESSING: Bounds = Bounds::OneOf(&["structured", "semi-structured"]);
 section! {
     /// Scene to scan.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[serde(deny_unknown_fields, default, expecting = "a table, [scene]")]
     pub struct SceneConfig in "scene" {
         source: String, "",
             Bounds::Words("structured, semi-structured, unstructured, a town's name, or a file"),

@@ -14,13 +14,13 @@ use crate::cost::CostKind;
 section! {
     /// The search.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[serde(deny_unknown_fields, default, expecting = "a table, [tune]")]
     pub struct TuneConfig in "tune" {
-        strategy: Strategy, "", Bounds::OneOf(&["fast", "paper"]),
+        strategy: Strategy, "", Strategy::BOUNDS,
             "How to search: what is left out below follows it.";
-        protocol: Protocol, "", Bounds::OneOf(&["default", "lidar", "registration", "joint"]),
+        protocol: Protocol, "", Protocol::BOUNDS,
             "What is tuned: nothing, the sensor, registration, or both.";
-        lidar: LidarPreset, "", Bounds::OneOf(&["usual", "paper", "full"]),
+        lidar: LidarPreset, "", LidarPreset::BOUNDS,
             "Which of the sensor's parameters are tuned: `usual`, ten, the `paper`'s eight, or \
              `full`, all of them.";
         generations: u32, "generations", Bounds::between(1.0, 1e5),
@@ -34,7 +34,7 @@ section! {
         pairs_per_generation: usize, "pairs", Bounds::at_least(0.0),
             "Training pairs a generation sees, drawn anew each time and shared by its candidates; \
              0: all, as in the paper.";
-        error_mean: ErrorMean, "", Bounds::OneOf(&["arithmetic", "geometric"]),
+        error_mean: ErrorMean, "", ErrorMean::BOUNDS,
             "How the errors of a candidate's pairs are put together: `arithmetic`, as in the \
              paper, or `geometric`.";
         error_cap: f64, "", Bounds::at_least(0.0),
@@ -46,7 +46,7 @@ section! {
         shortlist: usize, "candidates", Bounds::between(0.0, 1000.0),
             "Candidates judged again on all training pairs at the end, besides the mean and the \
              start.";
-        objective: Objective, "", Bounds::OneOf(&["error", "weighted"]),
+        objective: Objective, "", Objective::BOUNDS,
             "What is made small: the `error` alone, or `weighted`, also what a scan costs.";
         #[serde(skip_serializing_if = "Option::is_none")]
         minimise: Option<CostKind>, "", Bounds::OneOf(&COSTS),

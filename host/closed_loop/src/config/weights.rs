@@ -10,7 +10,7 @@ section! {
     ///
     /// With 0.05 of energy a tenth of the light is worth 11 % of the error. 0: it does not count.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[serde(deny_unknown_fields, default, expecting = "a table, [tune.weights]")]
     pub struct Weights in "tune.weights" {
         energy: f64, "", Bounds::between(0.0, 10.0),
             "Power of the light emitted, over the start's, that the error is multiplied by; 0: it \

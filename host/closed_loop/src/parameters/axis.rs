@@ -1,32 +1,6 @@
 //! One axis of the unit cube.
 
-use echoloop_parameters::Refused;
-use echoloop_registration::config::Spacing;
-use serde::{Deserialize, Serialize};
-
-/// Spacing of the values of an axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Scale {
-    /// Even.
-    Linear,
-    /// Even in the logarithm.
-    Log,
-    /// Whole numbers, each with an equal share.
-    Integer,
-    /// 1, 2, 4, …, each with an equal share.
-    PowerOfTwo,
-}
-
-impl From<Spacing> for Scale {
-    fn from(spacing: Spacing) -> Self {
-        match spacing {
-            Spacing::Linear => Self::Linear,
-            Spacing::Log => Self::Log,
-            Spacing::Whole => Self::Integer,
-        }
-    }
-}
+use echoloop_parameters::{Refused, Scale};
 
 /// A parameter of the search: name, unit, range, default.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,35 +2,15 @@
 
 use std::collections::BTreeMap;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use echoloop_files::{MOST_TEXT, read_text, shown, text_from};
 use serde::Deserialize;
 use serde_json::Value;
-use thiserror::Error;
 
 use super::{Values, choices};
-
-/// A file that holds no candidate.
-#[derive(Debug, Error)]
-pub enum CandidateError {
-    /// The file cannot be read.
-    #[error("cannot read {}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Reason.
-        source: io::Error,
-    },
-    /// Not JSON, an unknown member, or a value of the wrong type.
-    #[error("{}: {problem}", path.display())]
-    Malformed {
-        /// The file.
-        path: PathBuf,
-        /// Place and reason.
-        problem: String,
-    },
-}
+use crate::config::LoadError;
+use crate::run_folder::files::file_error;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -42,13 +22,13 @@ struct Candidate {
 ///
 /// # Errors
 ///
-/// [`CandidateError`] names the file.
-pub fn read_candidate(path: &Path) -> Result<Values, CandidateError> {
+/// [`LoadError`] names the file.
+pub fn read_candidate(path: &Path) -> Result<Values, LoadError> {
     let is_stdin = path == Path::new("-");
     let text =
         if is_stdin { text_from(io::stdin(), MOST_TEXT) } else { read_text(path, MOST_TEXT) }
-            .map_err(|source| CandidateError::Read { path: path.to_owned(), source })?;
-    let malformed = |problem| CandidateError::Malformed { path: path.to_owned(), problem };
+            .map_err(file_error("read", path))?;
+    let malformed = |message| LoadError::Parse { path: path.to_owned(), message };
     let candidate: Candidate =
         serde_json::from_str(&text).map_err(|error| malformed(shown(&error.to_string())))?;
     candidate_values(candidate.parameters).map_err(malformed)

@@ -1,14 +1,15 @@
 //! Axes of a search as `[tune.axes]` changes them.
 
 use echoloop_dsp::ParameterId;
+use echoloop_parameters::Scale;
 use echoloop_registration::{Method, setting};
 
-use super::axis::{Axis, Scale};
+use super::axis::Axis;
 use super::error::ValueError;
 use super::ranges::free_setting;
 use super::table::{lidar_axis, tunable};
 use super::{Parameters, Space, choices, theta_reg};
-use crate::config::preset::{PowerRange, Preset};
+use crate::config::preset::{LidarPreset, Preset};
 use crate::config::{AxisChoice, OwnAxes};
 
 impl Space {
@@ -60,7 +61,7 @@ impl Space {
 /// Usual axis of a parameter, searched or not; without a range where none is usual.
 fn usual_axis(name: &str, start: &Parameters, method: Method) -> Option<Axis> {
     if let Some(id) = name.strip_prefix("lidar.").and_then(ParameterId::by_name) {
-        return Some(lidar_axis(id, PowerRange::Usual, &start.settings));
+        return Some(lidar_axis(id, LidarPreset::Usual, &start.settings));
     }
     let axes = theta_reg::axes(method, Preset::Outdoor);
     axes.into_iter().find(|axis| axis.name == name).or_else(|| free_setting(name, method))
@@ -111,10 +112,10 @@ fn accepted(axis: &Axis, method: Method) -> Result<(), String> {
         };
     }
     let key = axis.name.strip_prefix(theta_reg::SECTION).unwrap_or_default();
-    let bound = setting(key).and_then(|setting| Some(setting.bound(&setting.of(method)?)));
-    match bound {
-        Some(bound) if !(bound.allows(min) && bound.allows(max)) => {
-            Err(format!("{min} to {max} is outside what {} takes, {}", method.name(), bound.words))
+    let bounds = setting(key).and_then(|setting| Some(setting.bound(&setting.of(method)?).bounds));
+    match bounds {
+        Some(bounds) if !(bounds.allows(min) && bounds.allows(max)) => {
+            Err(format!("{min} to {max} is outside what {} takes, {bounds}", method.name()))
         }
         _ => Ok(()),
     }

@@ -7,7 +7,6 @@ mod axis;
 mod candidate;
 mod custom_axes;
 mod error;
-mod listing;
 mod ranges;
 mod repair;
 mod table;
@@ -22,16 +21,16 @@ use echoloop_files::shown;
 use echoloop_parameters::Refused;
 
 use crate::config::RunConfig;
-use crate::config::preset::{LidarPreset, PowerRange, Preset, Protocol};
+use crate::config::preset::{LidarPreset, Preset, Protocol};
 use crate::cost::CostKind;
 
-pub use axis::{Axis, Scale};
-pub use candidate::{CandidateError, candidate_values, read_candidate};
+pub use axis::Axis;
+pub use candidate::{candidate_values, read_candidate};
+pub use echoloop_parameters::Scale;
 pub use error::ValueError;
-pub use listing::{parameter_json, parameter_table};
 pub use ranges::Ranges;
 pub use repair::{Limits, repair};
-pub use table::{Row, choices, table, tunable, tunable_rows};
+pub use table::{Row, choices, parameter_json, parameter_table, table, tunable, tunable_rows};
 pub use theta_reg::{ThetaReg, axes};
 pub use written::{values_json, written, written_values};
 
@@ -201,7 +200,7 @@ impl Space {
     ) -> Self {
         let mut axes = Vec::new();
         if matches!(protocol, Protocol::Lidar | Protocol::Joint) {
-            let axis = |id| lidar_axis(id, lidar.into(), &start.settings);
+            let axis = |id| lidar_axis(id, lidar, &start.settings);
             axes.extend(lidar.parameters().into_iter().map(axis));
         }
         if matches!(protocol, Protocol::Registration | Protocol::Joint) {
@@ -219,7 +218,7 @@ impl Space {
     }
 
     /// The same space with another range of the power.
-    pub fn with_power(mut self, power: PowerRange) -> Self {
+    pub fn with_power(mut self, power: LidarPreset) -> Self {
         let own = lidar_axis(ParameterId::Power, power, &self.start.settings);
         self.axes.iter_mut().filter(|axis| axis.name == own.name).for_each(|axis| *axis = own);
         self
@@ -405,7 +404,7 @@ mod tests {
 
     #[test]
     fn power_is_searched_from_the_paper_s_five_watts_or_from_where_nothing_is_detected() {
-        let powers = |lidar, power: Option<PowerRange>, start_uw| {
+        let powers = |lidar, power: Option<LidarPreset>, start_uw| {
             let mut start = space(Protocol::Lidar).start;
             start.settings.power_uw = start_uw;
             let hardware = Hardware::REFERENCE;
@@ -421,8 +420,8 @@ mod tests {
         let (paper, full) = (LidarPreset::Paper, LidarPreset::Full);
         assert_eq!(powers(paper, None, 75_000_000), [5.0, 100.0]);
         assert_eq!(powers(full, None, 75_000_000), [1e-5, 100.0]);
-        assert_eq!(powers(paper, Some(PowerRange::Whole), 75_000_000), [1e-5, 100.0]);
-        assert_eq!(powers(full, Some(PowerRange::Paper), 75_000_000), [5.0, 100.0]);
+        assert_eq!(powers(paper, Some(LidarPreset::Full), 75_000_000), [1e-5, 100.0]);
+        assert_eq!(powers(full, Some(LidarPreset::Paper), 75_000_000), [5.0, 100.0]);
         assert_eq!(powers(paper, None, 200_000), [0.2, 100.0]);
     }
 

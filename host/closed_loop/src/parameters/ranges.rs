@@ -1,9 +1,9 @@
 //! Ranges of parameters: those of a preset, changed by `[tune.axes]`.
 
-use echoloop_parameters::{Kind, Parameter};
+use echoloop_parameters::{Kind, Parameter, Scale};
 use echoloop_registration::{Method, setting};
 
-use super::axis::{Axis, Scale};
+use super::axis::Axis;
 use super::table::tunable;
 use super::theta_reg;
 use crate::config::preset::Preset;

@@ -7,13 +7,14 @@
 use std::sync::LazyLock;
 
 use echoloop_dsp::{Kind as LidarKind, PARAMETERS, ParameterId, Settings};
-use echoloop_parameters::{Bounds, Kind, Parameter, Range, Step};
-use echoloop_registration::{Kind as SettingKind, Method, SETTINGS, Setting, setting};
+use echoloop_parameters::{Bounds, Kind, Parameter, Range, Scale, Step};
+use echoloop_registration::{Method, SETTINGS, Setting, setting};
 
-use super::axis::{Axis, Scale};
+use super::axis::Axis;
 use super::ranges::Ranges;
 use super::theta_reg::{SECTION, axes};
-use crate::config::preset::{PowerRange, Preset};
+use super::written::written;
+use crate::config::preset::{LidarPreset, Preset};
 use crate::config::{RunConfig, keys};
 
 /// A parameter of a run.
@@ -70,12 +71,9 @@ fn of_lidar(parameter: &echoloop_dsp::Parameter) -> Parameter {
 }
 
 fn of_setting(setting: &Setting) -> Parameter {
-    let kind = match setting.kind {
-        SettingKind::Count => Kind::Whole,
-        SettingKind::Real | SettingKind::Optional => Kind::Number,
-    };
+    let &Setting { path: key, unit, kind, help, .. } = setting;
     let bounds = Bounds::Words(setting.bounds().leak()); // once, for the static table
-    Parameter { key: setting.path, unit: setting.unit, kind, bounds, help: setting.help }
+    Parameter { key, unit, kind, bounds, help }
 }
 
 /// The parameter of the sensor or of registration with that name, today's or a former one.
@@ -124,11 +122,46 @@ pub fn tunable_rows(method: Method, preset: Preset) -> Vec<Row> {
     lidar_rows().chain(searched.iter().filter_map(of_axis)).collect()
 }
 
+/// The parameters that a search can move as aligned text: name, range, default, unit and where each
+/// acts.
+pub fn parameter_table(method: Method, preset: Preset) -> String {
+    let mut text = format!(
+        "{:<34} {:>8} {:>8} {:>8}  {:<14} acts in\n",
+        "parameter", "min", "max", "default", "unit"
+    );
+    for Row { parameter, default, search, acts_in } in tunable_rows(method, preset) {
+        let Parameter { key, unit, bounds, .. } = parameter;
+        let [min, max] = search.map_or([f64::NAN; 2], |axis| [axis.min, axis.max]);
+        let number = default.map_or_else(|| "follows".to_owned(), |value| value.to_string());
+        let names = bounds.names();
+        let (values, names) = match default.and_then(|code| names.get(code as usize)) {
+            Some(name) => (format!("{name:>26}"), format!(": {}", names.join(" | "))),
+            None => (format!("{min:>8} {max:>8} {number:>8}"), String::new()),
+        };
+        text += &format!("{key:<34} {values}  {unit:<14} {acts_in}{names}\n");
+    }
+    text
+}
+
+/// The parameters that a search can move as JSON: an array of objects.
+pub fn parameter_json(method: Method, preset: Preset) -> serde_json::Value {
+    let row = |row: Row| {
+        let Parameter { key, unit, bounds, .. } = row.parameter;
+        let (min, max) = row.search.map(|axis| (axis.min, axis.max)).unzip();
+        let [min, max, default] = [min, max, row.default].map(|value| Some(written(key, value?)));
+        serde_json::json!({
+            "name": key, "unit": unit, "min": min, "max": max, "default": default,
+            "acts_in": row.acts_in, "choices": bounds.names(),
+        })
+    };
+    tunable_rows(method, preset).into_iter().map(row).collect::<Vec<_>>().into()
+}
+
 fn lidar_rows() -> impl Iterator<Item = Row> {
     PARAMETERS.iter().zip(&*TUNABLE).map(|(p, &parameter)| Row {
         parameter,
         default: p.default.map(|code| p.to_unit(code)),
-        search: Some(lidar_axis(p.id, PowerRange::Whole, &Settings::default())),
+        search: Some(lidar_axis(p.id, LidarPreset::Full, &Settings::default())),
         acts_in: p.acts_in,
     })
 }
@@ -144,7 +177,7 @@ pub(super) fn lidar_name(id: ParameterId) -> &'static str {
 }
 
 /// An axis of Θ_lidar; that of power as far as a search may go.
-pub(super) fn lidar_axis(id: ParameterId, power: PowerRange, start: &Settings) -> Axis {
+pub(super) fn lidar_axis(id: ParameterId, power: LidarPreset, start: &Settings) -> Axis {
     let p = id.parameter();
     let scale = match p.kind {
         LidarKind::Real { log: true } => Scale::Log,
@@ -154,7 +187,7 @@ pub(super) fn lidar_axis(id: ParameterId, power: PowerRange, start: &Settings) -
     };
     let default = p.to_unit(p.default.unwrap_or_else(|| start.separation_mm().clamp(p.min, p.max)));
     let min = match id {
-        ParameterId::Power => power.least_w(p.to_unit(start.power_uw)),
+        ParameterId::Power => power.least_power_w(p.to_unit(start.power_uw)),
         _ => p.to_unit(p.min),
     };
     let name = lidar_name(id);

@@ -1,13 +1,13 @@
 //! Θ_reg: axes and settings of each method.
 
 use echoloop_parameters::Refused;
-use echoloop_registration::config::Use;
+use echoloop_registration::config::{Range, Use};
 use echoloop_registration::{
     ConfigError, FgrConfig, FgrMode, IcpConfig, Kind, Method, MethodConfig, Registration, Setting,
     build, setting,
 };
 
-use super::axis::{Axis, Scale};
+use super::axis::Axis;
 use super::error::ValueError;
 use crate::config::RegistrationConfig;
 use crate::config::preset::Preset;
@@ -69,7 +69,7 @@ impl ThetaReg {
         };
         match axes.iter().find(|axis| axis.name == setting.path) {
             Some(axis) => axis.require(value)?,
-            None if setting.kind == Kind::Count && value.fract() != 0.0 => {
+            None if setting.kind == Kind::Whole && value.fract() != 0.0 => {
                 return Err(Refused::new(setting.path, value, "a whole number").into());
             }
             None => {}
@@ -155,7 +155,7 @@ pub fn axes(method: Method, preset: Preset) -> Vec<Axis> {
             Preset::Outdoor => (search.outdoor, outdoor.get(setting.key)?),
             Preset::Paper => search.paper?,
         };
-        let (min, max, scale) = (range.min, range.max, Scale::from(range.spacing));
+        let Range { min, max, scale } = range;
         Some(Axis { name: setting.path, unit: setting.unit, scale, min, max, default })
     };
     method.settings().filter_map(axis).collect()

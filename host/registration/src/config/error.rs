@@ -1,5 +1,7 @@
 //! The error of a setting out of bounds.
 
+use echoloop_parameters::Bounds;
+
 /// A setting out of bounds.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{field} is {value}, expected {bound}")]
@@ -8,6 +10,6 @@ pub struct ConfigError {
     pub field: &'static str,
     /// Its value.
     pub value: f64,
-    /// Its bound, in words.
-    pub bound: &'static str,
+    /// Its bound.
+    pub bound: Bounds,
 }

@@ -64,10 +64,7 @@ impl From<&GicpConfig> for IcpConfig {
             let (Some(to), Some(from)) = (icp.slot(setting.key), gicp.slot(setting.key)) else {
                 continue;
             };
-            match from.get() {
-                Some(value) => to.set(value),
-                None => to.clear(),
-            }
+            to.set(from.get());
         }
         icp
     }

@@ -1,28 +1,27 @@
 //! The registration methods, one row each.
 
-use serde::{Deserialize, Serialize};
-
-use super::choice::choice;
+use echoloop_parameters::choice;
 
 /// Hands the table of methods to a macro: type of the method, type of its settings, name, the
 /// motions it searches, and its line of help.
 ///
 /// From a row follow [`Method`], [`super::MethodConfig`], [`crate::build()`] and every list of
-/// methods. To add a method: its file, its module in lib.rs, a row here, its settings in table.rs,
-/// its suggestion in suggest.rs, and its row in the tests of all methods (tests.rs).
+/// methods. To add a method: its file, its module in lib.rs, a row here and its settings in
+/// table.rs; if it is not local, its suggestion in suggest.rs. Tests of all methods (tests.rs) have
+/// a row for each that is to pass them.
 macro_rules! with_methods {
     ($callback:ident) => {
         $callback! {
             Icp IcpConfig "icp" Near
-                "Point-to-plane ICP: local, starts at an initial guess";
+                "Point-to-plane ICP: local, starts at an initial guess.";
             Gicp GicpConfig "gicp" Near
-                "Generalised ICP: local, plane to plane";
+                "Generalised ICP: local, plane to plane.";
             Fgr FgrConfig "fgr" Features
-                "Fast global registration on FPFH features: needs no initial guess";
+                "Fast global registration on FPFH features: needs no initial guess.";
             Mac MacConfig "mac" Features
-                "Maximal cliques of compatible FPFH matches: needs no initial guess";
+                "Maximal cliques of compatible FPFH matches: needs no initial guess.";
             Auto AutoConfig "auto" Everywhere
-                "Candidates of several scales, scored on the points of both clouds, then GICP";
+                "Candidates of several scales, scored on the points of both clouds, then GICP.";
         }
     };
 }
@@ -41,23 +40,17 @@ enum Searched {
 }
 
 macro_rules! declare {
-    (
-        $first:ident $_:ident $first_name:literal $first_searched:ident $first_help:literal;
-        $($method:ident $config:ident $name:literal $searched:ident $help:literal;)+
-    ) => {
+    ($($method:ident $config:ident $name:literal $searched:ident $help:literal;)+) => {
         choice! {
             /// A registration method.
-            Method {
-                #[default]
-                $first $first_name $first_help
-                $($method $name $help)+
+            pub enum Method by default Icp {
+                $(#[doc = $help] $method = $name,)+
             }
         }
 
         impl Method {
             fn searched(self) -> Searched {
                 match self {
-                    Self::$first => Searched::$first_searched,
                     $(Self::$method => Searched::$searched,)+
                 }
             }

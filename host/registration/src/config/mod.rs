@@ -1,7 +1,6 @@
 //! Settings of registration: Θ_reg of each method.
 
 mod by_name;
-mod choice;
 mod convention;
 mod error;
 mod features;
@@ -20,7 +19,5 @@ pub use error::ConfigError;
 pub use method::Method;
 pub(crate) use method::with_methods;
 pub use mode::FgrMode;
-pub use setting::{Bound, Range, Search, Setting, SettingKind, Spacing, Use};
-pub use table::{
-    AutoConfig, FeatureConfig, FgrConfig, GicpConfig, IcpConfig, MacConfig, SETTINGS, setting,
-};
+pub use setting::{Bound, Range, Search, Setting, Use};
+pub use table::*;

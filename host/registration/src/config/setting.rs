@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use echoloop_parameters::{Bounds, Kind, Scale};
+
 use super::error::ConfigError;
 use super::method::Method;
 
@@ -14,8 +16,8 @@ pub struct Setting {
     pub path: &'static str,
     /// Its name in earlier versions, which is read for one more version.
     pub former: Option<&'static str>,
-    /// Type of its value.
-    pub kind: SettingKind,
+    /// Kind of its value: a number, or a whole one, 0 or more.
+    pub kind: Kind,
     /// `m`, `rad`, or nothing for counts and shares.
     pub unit: &'static str,
     /// Its meaning, in one line. [`Setting::bounds`] has its bounds.
@@ -33,17 +35,6 @@ pub(super) enum Owner {
     Method(Method),
     /// That of features, which methods on features hold.
     Features,
-}
-
-/// The type of a setting.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SettingKind {
-    /// A length, an angle or a share.
-    Real,
-    /// A [`Self::Real`] that may be left out.
-    Optional,
-    /// A whole number, 0 or more.
-    Count,
 }
 
 /// The use of a setting in one method.
@@ -75,34 +66,27 @@ pub struct Range {
     /// Greatest value.
     pub max: f64,
     /// Spacing of the values between.
-    pub spacing: Spacing,
-}
-
-/// Spacing of the values of a range.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Spacing {
-    /// Even.
-    Linear,
-    /// Even in the logarithm.
-    Log,
-    /// Whole numbers, each with an equal share.
-    Whole,
+    pub scale: Scale,
 }
 
 /// The values that a setting may have.
 #[derive(Clone, Copy, Debug)]
 pub struct Bound {
-    /// In words, to follow "expected".
-    pub words: &'static str,
-    holds: fn(f64) -> bool,
+    /// Bounds of the value by itself.
+    pub bounds: Bounds,
     /// Another setting that it must not be below, and this rule in words.
     pub not_below: Option<(&'static str, &'static str)>,
 }
 
 impl Bound {
-    /// True when a value is allowed, whatever the other settings are.
-    pub fn allows(&self, value: f64) -> bool {
-        (self.holds)(value)
+    /// These bounds alone.
+    pub(super) const fn of(bounds: Bounds) -> Self {
+        Self { bounds, not_below: None }
+    }
+
+    /// The same bound, and not below another setting.
+    pub(super) const fn not_below(self, key: &'static str, words: &'static str) -> Self {
+        Self { not_below: Some((key, words)), ..self }
     }
 }
 
@@ -152,10 +136,10 @@ impl Setting {
     ///
     /// [`ConfigError`] names the setting and its bound.
     pub fn check_alone(&self, of: &Use, value: f64) -> Result<(), ConfigError> {
-        let bound = self.bound(of);
+        let bound = self.bound(of).bounds;
         match bound.allows(value) {
             true => Ok(()),
-            false => Err(ConfigError { field: self.key, value, bound: bound.words }),
+            false => Err(ConfigError { field: self.key, value, bound }),
         }
     }
 
@@ -168,8 +152,8 @@ impl Setting {
         let Some(value) = get(self.key) else { return Ok(()) };
         self.check_alone(of, value)?;
         match self.bound(of).not_below {
-            Some((other, bound)) if get(other).is_some_and(|least| value < least) => {
-                Err(ConfigError { field: self.key, value, bound })
+            Some((other, words)) if get(other).is_some_and(|least| value < least) => {
+                Err(ConfigError { field: self.key, value, bound: Bounds::Words(words) })
             }
             _ => Ok(()),
         }
@@ -202,39 +186,31 @@ pub(super) const fn ours(outdoor: Range) -> Use {
     Use { bound: None, search: Some(Search { symbol: "", outdoor, paper: None }) }
 }
 
+/// A number from `min` to `max`, both included.
+pub(super) const fn between(min: f64, max: f64) -> Bound {
+    Bound::of(Bounds::between(min, max))
+}
+
 pub(super) const fn linear(min: f64, max: f64) -> Range {
-    Range { min, max, spacing: Spacing::Linear }
+    Range { min, max, scale: Scale::Linear }
 }
 
 pub(super) const fn log(min: f64, max: f64) -> Range {
-    Range { min, max, spacing: Spacing::Log }
+    Range { min, max, scale: Scale::Log }
 }
 
 pub(super) const fn whole(min: f64, max: f64) -> Range {
-    Range { min, max, spacing: Spacing::Whole }
+    Range { min, max, scale: Scale::Integer }
 }
 
 impl fmt::Display for Bound {
     /// Its words, then the rule about another setting where its words differ.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let bounds = self.bounds.to_string();
         match self.not_below {
-            Some((_, relation)) if relation != self.words => {
-                write!(f, "{}; {relation}", self.words)
-            }
-            _ => f.write_str(self.words),
+            Some((_, relation)) if relation != bounds => write!(f, "{bounds}; {relation}"),
+            _ => f.write_str(&bounds),
         }
-    }
-}
-
-impl Bound {
-    /// The values for which `holds` is true, which `words` describe.
-    pub(super) const fn new(words: &'static str, holds: fn(f64) -> bool) -> Self {
-        Self { words, holds, not_below: None }
-    }
-
-    /// The same bound, and not below another setting.
-    pub(super) const fn not_below(self, key: &'static str, words: &'static str) -> Self {
-        Self { not_below: Some((key, words)), ..self }
     }
 }
 
@@ -242,27 +218,8 @@ impl Bound {
 pub(super) trait SettingField {
     fn get(&self) -> Option<f64>;
 
-    fn set(&mut self, new: f64);
-
-    /// Leaves it out, if it may be left out.
-    fn clear(&mut self) {}
-}
-
-/// A type of such fields, and the kind of their settings.
-pub(super) trait FieldType: SettingField {
-    const KIND: SettingKind;
-}
-
-impl FieldType for f64 {
-    const KIND: SettingKind = SettingKind::Real;
-}
-
-impl FieldType for Option<f64> {
-    const KIND: SettingKind = SettingKind::Optional;
-}
-
-impl FieldType for usize {
-    const KIND: SettingKind = SettingKind::Count;
+    /// Sets it; None leaves it out, if it may be left out.
+    fn set(&mut self, new: Option<f64>);
 }
 
 impl SettingField for f64 {
@@ -270,8 +227,8 @@ impl SettingField for f64 {
         Some(*self)
     }
 
-    fn set(&mut self, new: f64) {
-        *self = new;
+    fn set(&mut self, new: Option<f64>) {
+        *self = new.unwrap_or(*self);
     }
 }
 
@@ -280,12 +237,8 @@ impl SettingField for Option<f64> {
         *self
     }
 
-    fn set(&mut self, new: f64) {
-        *self = Some(new);
-    }
-
-    fn clear(&mut self) {
-        *self = None;
+    fn set(&mut self, new: Option<f64>) {
+        *self = new;
     }
 }
 
@@ -295,7 +248,7 @@ impl SettingField for usize {
     }
 
     /// A value below zero becomes 0. Flags and axes check their bounds before.
-    fn set(&mut self, new: f64) {
-        *self = new.max(0.0) as usize;
+    fn set(&mut self, new: Option<f64>) {
+        *self = new.map_or(*self, |new| new.max(0.0) as usize);
     }
 }

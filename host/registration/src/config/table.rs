@@ -7,33 +7,29 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use echoloop_parameters::{Bounds, Value};
+
 use super::convention::Convention;
 use super::error::ConfigError;
 use super::method::Method;
 use super::mode::FgrMode;
 use super::setting::{
-    Bound, FieldType, Owner, PLAIN, Setting, SettingField, Use, linear, log, ours, searched, whole,
+    Bound, Owner, PLAIN, Setting, SettingField, Use, between, linear, log, ours, searched, whole,
 };
 
-/// A bound of whole numbers, both included.
-macro_rules! count {
-    ($least:literal to $most:literal) => {
-        Bound::new(concat!($least, " to ", $most), |v| ($least as f64..=$most as f64).contains(&v))
-    };
-}
-
 /// Length above zero, up to the one at which `f32` still resolves a decimetre.
-const LENGTH: Bound = Bound::new("a length above 0 m, at most 1e6 m", |v| v > 0.0 && v <= 1e6);
+const LENGTH: Bound =
+    Bound::of(Bounds::above(0.0, 1e6).called("a length above 0 m, at most 1e6 m"));
 
 /// Tolerance below which a run ends; 0 turns the test off.
-const TOLERANCE: Bound = Bound::new("0 or more", |v| v >= 0.0 && v.is_finite());
+const TOLERANCE: Bound = Bound::of(Bounds::at_least(0.0));
 
 /// Number of neighbours of a normal. Some tens are usual; more only cost time.
-const NEIGHBOURS: Bound = count!(3 to 1000);
+const NEIGHBOURS: Bound = between(3.0, 1000.0);
 
 /// Number of neighbours in features: at most 500, because those of all points are kept at once,
 /// 0.4 GB for 100,000 points.
-const FEATURE_NEIGHBOURS: Bound = count!(3 to 500);
+const FEATURE_NEIGHBOURS: Bound = between(3.0, 500.0);
 
 /// φ_v from 5 cm to 1 m; 1 to 10 cm in Sec. 3.3, 5 cm in Open3D's example. A test compares this and
 /// the other starts of the paper's ranges with the `open3d` of the configurations.
@@ -41,29 +37,28 @@ const VOXEL: Use = searched("φ_v", log(0.05, 1.0), linear(0.01, 0.1), 0.05);
 
 /// Share of the information: two walls and a floor give each direction a third.
 const BELOW_A_THIRD: Bound =
-    Bound::new("0 or more, below 1/3", |share| (0.0..1.0 / 3.0).contains(&share));
+    Bound::of(Bounds::between(0.0, (1.0_f64 / 3.0).next_down()).called("0 or more, below 1/3"));
 
 /// Number of steps, one or more.
-const SOME: Bound = Bound::new("1 or more", |n| n >= 1.0);
+const SOME: Bound = Bound::of(Bounds::at_least(1.0));
 
 /// φ_rad2 is not below φ_rad1 (Sec. 3.3).
 const FEATURE_RADIUS: Bound =
     LENGTH.not_below("normal_radius_m", "normal_radius_m or more (Sec. 3.3)");
 
 /// The first distance is not below the last.
-const FIRST_DISTANCE: Bound =
-    Bound::new(FIRST_WORDS, |v| v <= 1e6).not_below("max_pair_distance_m", FIRST_WORDS);
+const FIRST_DISTANCE: Bound = Bound::of(Bounds::between(f64::MIN, 1e6).called(FIRST_WORDS))
+    .not_below("max_pair_distance_m", FIRST_WORDS);
 
 /// 0.5 m, about the distance of neighbours, to 10 m, with which [`crate::suggest()`] begins in a
 /// cloud of 40 m radius.
 const FALLING_DISTANCE: Use = ours(log(0.5, 10.0));
 
 /// Normals have no sign here, so two of them are at most π/2 apart.
-const NORMAL_ANGLE: Bound =
-    Bound::new("above 0, at most π/2", |angle| angle > 0.0 && angle <= FRAC_PI_2);
+const NORMAL_ANGLE: Bound = Bound::of(Bounds::above(0.0, FRAC_PI_2).called("above 0, at most π/2"));
 
 /// Width of a kernel, in standard deviations.
-const WIDTH: Bound = Bound::new("above 0", |width| width > 0.0 && width.is_finite());
+const WIDTH: Bound = Bound::of(Bounds::above(0.0, f64::INFINITY));
 
 const FIRST_WORDS: &str = "max_pair_distance_m or more, at most 1e6 m";
 
@@ -164,7 +159,7 @@ macro_rules! settings {
             key: stringify!($key),
             path: concat!("registration.", stringify!($key)),
             former: [$(Some($former),)? None][0],
-            kind: <$type as FieldType>::KIND,
+            kind: <$type as Value>::KIND,
             unit: $unit,
             help: $help,
             bound: $bound,
@@ -328,8 +323,8 @@ settings! {
         icp 50, searched("φ_icp", whole(8.0, 128.0), whole(8.0, 128.0), 30.0);
         gicp 50, searched("φ_icp", whole(8.0, 128.0), whole(8.0, 128.0), 30.0);
         fgr 256, searched("φ_fgr", whole(8.0, 512.0), whole(8.0, 128.0), 64.0)
-            .bounded(count!(1 to 100000));
-        mac 20, PLAIN.bounded(Bound::new("at most 100000", |n| n <= 1e5));
+            .bounded(between(1.0, 100000.0));
+        mac 20, PLAIN.bounded(Bound::of(Bounds::between(0.0, 1e5).called("at most 100000")));
     }
     translation_tolerance_m: f64, "m", TOLERANCE, formerly "still_m",
         "Length of a step, m, below which the run ends if its turn is within its tolerance too.",
@@ -367,37 +362,37 @@ settings! {
         icp 1e-3, PLAIN;
         gicp 1e-3, PLAIN;
     }
-    max_candidates: usize, "", count!(1 to 1000),
+    max_candidates: usize, "", between(1.0, 1000.0),
         "Largest number of motions of each scale that are scored on the points of both clouds.",
         "" =>
     {
         auto 10, PLAIN;
     }
-    max_refined: usize, "", count!(1 to 1000),
+    max_refined: usize, "", between(1.0, 1000.0),
         "Largest number of the best scored motions that are refined with ICP.",
         "" =>
     {
         auto 8, PLAIN;
     }
-    max_tuples: usize, "", count!(1 to 1000000),
+    max_tuples: usize, "", between(1.0, 1000000.0),
         "Largest number of triples of matches that the tuple test keeps.",
         "Three times as many matches pass. (`annealed` keeps 1024 matches at most.)" =>
     {
         fgr 1000, PLAIN;
     }
-    max_matches: usize, "", count!(3 to 20000),
+    max_matches: usize, "", between(3.0, 20000.0),
         "Largest number of matches; more are thinned.",
         "The graph takes `n²/8` bytes and `n²/2` tests." =>
     {
         mac 10_000, PLAIN;
     }
-    least_clique: usize, "", count!(3 to 20000),
+    least_clique: usize, "", between(3.0, 20000.0),
         "Smallest number of matches of a clique that proposes a motion.",
         "" =>
     {
         mac 3, PLAIN;
     }
-    max_cliques: usize, "", count!(1 to 100000000),
+    max_cliques: usize, "", between(1.0, 100000000.0),
         "Number of cliques at which the search for them ends.",
         "" =>
     {

@@ -21,8 +21,7 @@ use crate::boards::shots::Shots;
 use echoloop_dsp::{Echoes, Hardware, ScanPattern, Settings};
 use echoloop_frontend::SceneResponse;
 use echoloop_link::{Noise, Room};
-use echoloop_parameters::Value;
-use serde::{Deserialize, Serialize};
+use echoloop_parameters::choice;
 use thiserror::Error;
 
 use crate::client::{Client, ClientError, Identity, RetryPolicy};
@@ -84,18 +83,15 @@ impl SensorError {
     }
 }
 
-/// Detector of a sensor in process.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Detector {
-    /// Detector of the firmware.
-    #[default]
-    Firmware,
-    /// [`echoloop_sim::ideal`] in its place.
-    Ideal,
+choice! {
+    /// Detector of a sensor in process.
+    pub enum Detector by default Firmware {
+        /// Detector of the firmware.
+        Firmware = "firmware",
+        /// [`echoloop_sim::ideal`] in its place.
+        Ideal = "ideal",
+    }
 }
-
-impl Value for Detector {}
 
 impl Detector {
     /// Sensor with this detector.

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use echoloop_parameters::choice;
 use thiserror::Error;
 
 use super::boards::boards;
@@ -21,33 +22,13 @@ pub enum SensorSpec {
     Serial(Port),
 }
 
-/// `--front-end`: place where light becomes codes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FrontEndAt {
-    /// At the sensor: its own front end.
-    Sensor,
-    /// On the host: the sensor is fed waveforms over its link and runs the DSP alone.
-    Host,
-}
-
-impl FrontEndAt {
-    /// Both, the default first.
-    pub const ALL: [Self; 2] = [Self::Sensor, Self::Host];
-
-    /// Name in `--front-end`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Sensor => "sensor",
-            Self::Host => "host",
-        }
-    }
-
-    /// Line of help.
-    pub const fn summary(self) -> &'static str {
-        match self {
-            Self::Sensor => "At the sensor, as its maker has it",
-            Self::Host => "Here: the sensor gets waveforms over its link, to find echoes in",
-        }
+choice! {
+    /// `--front-end`: place where light becomes codes.
+    pub enum FrontEndAt by default Sensor {
+        /// At the sensor, as its maker has it.
+        Sensor = "sensor",
+        /// Here: the sensor gets waveforms over its link, to find echoes in.
+        Host = "host",
     }
 }
 
