@@ -7,9 +7,8 @@ use super::cells::Cells;
 use super::missing::Missing;
 use super::search::Search;
 use echoloop_closed_loop::config::DataConfig;
-use echoloop_closed_loop::config::preset::Protocol;
 use echoloop_closed_loop::evaluation::objective::PairError;
-use echoloop_report::{Panel, PanelDrawing, Plate, Series, ShareCurve, Shares};
+use echoloop_report::{Panel, PanelDrawing, Plate, Shares};
 
 /// A part of a pose error.
 pub(super) struct Part {
@@ -51,15 +50,6 @@ impl Part {
     }
 }
 
-pub(super) fn series(protocol: Protocol) -> Series {
-    match protocol {
-        Protocol::Default => Series::Default,
-        Protocol::Lidar => Series::Lidar,
-        Protocol::Registration => Series::Registration,
-        Protocol::Joint => Series::Joint,
-    }
-}
-
 /// Figure of a search: a row for each method and part, a column for each scene.
 pub(super) fn plate(cells: &Cells, search: &Search, missing: &Missing) -> Result<Plate, String> {
     let figure = format!("errors by protocol, {}", search.in_words());
@@ -80,10 +70,7 @@ pub(super) fn plate(cells: &Cells, search: &Search, missing: &Missing) -> Result
             panels.extend(scenes.iter().map(|&scene| {
                 let curve = |cell: &Cell| {
                     let record = cells.record(cell)?;
-                    Some(ShareCurve {
-                        series: series(cell.protocol),
-                        errors: all(record, part).collect(),
-                    })
+                    Some((cell.protocol, all(record, part).collect()))
                 };
                 let curves = search.of(method, scene).filter_map(curve).collect();
                 Panel {
