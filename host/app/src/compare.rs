@@ -8,7 +8,7 @@ use super::common::TableFormat;
 use super::exit::{self, Failure, print};
 use super::report::is_standard_output;
 use echoloop_closed_loop::run_folder::files::Output;
-use echoloop_report::finished_runs::{FinishedRun, compared, runs_page};
+use echoloop_report::finished_runs::{FinishedRun, compared};
 
 /// Flags of `compare`.
 #[derive(Clone, Debug, Args)]
@@ -37,7 +37,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<(), Failure> {
     let runs = args.runs.iter().map(|path| FinishedRun::read(path));
     let compared = compared(&runs.collect::<Result<Vec<_>, _>>()?);
     if let Some(path) = &args.output {
-        let html = runs_page(&compared).to_html();
+        let html = compared.to_html();
         if is_standard_output(path) {
             return print(&html);
         }

@@ -6,8 +6,8 @@ use clap::Args;
 
 use super::exit::{Failure, print};
 use echoloop_closed_loop::run_folder::files::Output;
-use echoloop_closed_loop::run_folder::run::{REPORT, RESULT, RunFolder};
-use echoloop_report::finished_runs::{FinishedRun, page};
+use echoloop_closed_loop::run_folder::run::{REPORT, RunFolder};
+use echoloop_report::finished_runs::FinishedRun;
 use echoloop_report::{Report, write_figures};
 
 /// Flags of `report`.
@@ -28,10 +28,8 @@ pub(crate) struct ReportArgs {
 }
 
 pub(super) fn run(args: &ReportArgs) -> Result<(), Failure> {
-    let report = page(&FinishedRun::read(&args.run)?)?;
-    let contradicts =
-        |error| Failure::usage(format_args!("{}: {error}", args.run.join(RESULT).display()));
-    let html = report.to_html().map_err(contradicts)?;
+    let report = Report::of(FinishedRun::read(&args.run)?)?;
+    let html = report.to_html();
     let figures = args.figures.as_deref().map(|folder| charts(&report, folder)).transpose()?;
     let written = match args.output.as_deref() {
         Some(path) if is_standard_output(path) => return print(&html),
@@ -60,8 +58,8 @@ pub(super) fn is_standard_output(path: &Path) -> bool {
 
 /// Writes the page of a run into its folder, from that folder alone.
 pub(super) fn write_page(folder: &RunFolder) -> Result<(), Failure> {
-    let html = page(&FinishedRun::read(folder.path())?)?.to_html().map_err(Failure::run)?;
-    Ok(folder.write(REPORT, &html)?)
+    let html = Report::of(FinishedRun::read(folder.path())?)?.to_html();
+    Ok(folder.write(REPORT, html)?)
 }
 
 /// Writes every chart and counts them.

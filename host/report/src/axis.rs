@@ -180,6 +180,7 @@ mod tests {
             for axis in [
                 Axis::around(values.iter().copied()),
                 Axis::log_around(values.iter().copied(), 1e-3),
+                Axis::between(f64::NAN, f64::INFINITY, true),
             ] {
                 assert!(!axis.ticks.is_empty(), "{values:?}");
                 assert_eq!([f64::NAN, f64::NEG_INFINITY].map(|v| axis.map(&v, (0, 100))), [100, 0]);

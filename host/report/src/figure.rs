@@ -66,6 +66,13 @@ pub fn write_figures(figures: &[Figure], folder: &Path) -> Result<(), FileError>
 ///
 /// A text about the first chart that cannot be drawn.
 pub(super) fn figures(html: &str) -> Result<Vec<Figure>, String> {
+    let figure = |chart: &str| {
+        let name = attribute(chart, "data-figure").unwrap_or_default();
+        let parts = box_of(chart).zip(attribute(chart, "aria-label")).zip(chart.split_once('>'));
+        let ((view, label), (_, content)) =
+            parts.ok_or_else(|| format!("the chart {name} has no box"))?;
+        Figure::new(name, view, label, content)
+    };
     charts(html).map(figure).collect()
 }
 
@@ -78,58 +85,56 @@ fn charts(html: &str) -> impl Iterator<Item = &str> {
 }
 
 /// Value of an attribute of the opening tag.
-pub(super) fn attribute<'a>(chart: &'a str, name: &str) -> Option<&'a str> {
+fn attribute<'a>(chart: &'a str, name: &str) -> Option<&'a str> {
     let tag = chart.split_once('>')?.0;
     Some(tag.split_once(&format!("{name}=\""))?.1.split_once('"')?.0)
 }
 
-fn figure(chart: &str) -> Result<Figure, String> {
-    let name = attribute(chart, "data-figure").unwrap_or_default().to_owned();
-    let svg = alone(chart).ok_or_else(|| format!("the chart {name} has no box"))?;
-    let png = png(&svg).map_err(|error| format!("the chart {name}: {error}"))?;
-    Ok(Figure { name, svg, png })
+/// Left, top, width and height of a chart that stands alone.
+pub(super) fn box_of(chart: &str) -> Option<[f64; 4]> {
+    let sides =
+        attribute(chart, "data-box")?.split(' ').map(str::parse).collect::<Result<Vec<_>, _>>();
+    sides.ok()?.try_into().ok()
 }
 
-fn alone(chart: &str) -> Option<String> {
-    let view = attribute(chart, "data-box")?;
-    let label = attribute(chart, "aria-label")?;
-    let sides: Vec<f64> = view.split(' ').filter_map(|side| side.parse().ok()).collect();
-    let [left, top, width, height] = sides[..] else { return None };
-    let content = chart.split_once('>')?.1;
-    Some(format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{}\" height=\"{}\" viewBox=\"{view}\" \
-         role=\"img\"><title>{label}</title><style>{}</style><rect class=\"paper\" x=\"{left}\" \
-         y=\"{top}\" width=\"{width}\" height=\"{height}\"/>{content}</svg>\n",
-        width / FINE,
-        height / FINE,
-        *RULES
-    ))
+impl Figure {
+    /// SVG content within a box, on paper. `label` is HTML.
+    pub(super) fn new(
+        name: &str,
+        [left, top, width, height]: [f64; 4],
+        label: &str,
+        content: &str,
+    ) -> Result<Self, String> {
+        let svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{}\" height=\"{}\" \
+             viewBox=\"{left} {top} {width} {height}\" role=\"img\"><title>{label}</title>\
+             <style>{}</style><rect class=\"paper\" x=\"{left}\" y=\"{top}\" \
+             width=\"{width}\" height=\"{height}\"/>{content}</svg>\n",
+            width / FINE,
+            height / FINE,
+            *RULES
+        );
+        let png = png(&svg).map_err(|error| format!("the figure {name}: {error}"))?;
+        Ok(Self { name: name.to_owned(), svg, png })
+    }
 }
 
-/// The style sheet's rules for drawings.
-pub(super) static RULES: LazyLock<String> = LazyLock::new(|| {
-    let rules = drawing_rules(STYLE).map(|(selector, body)| format!("{selector}{{{body}}}"));
-    // Invisible areas keep the hints under the pointer.
-    let hints = ".hint-area{fill:none;pointer-events:all}";
-    let own = format!(".paper{{fill:{}}}{hints}", variable("surface"));
-    rules.chain([own]).collect()
-});
-
-/// Selectors and body of each rule that applies to drawings, `@media` left out.
-fn drawing_rules(style: &str) -> impl Iterator<Item = (String, String)> {
-    let plain = style.split("\n@media").map(|part| match part.split_once("\n}\n") {
+/// The style sheet's rules for drawings, `@media` left out.
+static RULES: LazyLock<String> = LazyLock::new(|| {
+    let plain = STYLE.split("\n@media").map(|part| match part.split_once("\n}\n") {
         Some((_, after)) if !part.starts_with(':') => after,
         _ => part,
     });
-    let plain: String = plain.collect();
-    let plain = without_comments(&plain);
-    let rules: Vec<(String, String)> = plain
-        .split('}')
-        .filter_map(|rule| rule.split_once('{'))
-        .map(|(selectors, body)| (of_drawings(selectors), body_alone(body)))
-        .collect();
-    rules.into_iter().filter(|(selectors, body)| !selectors.is_empty() && !body.is_empty())
-}
+    let plain = without_comments(&plain.collect::<String>());
+    let rules = plain.split('}').filter_map(|rule| {
+        let (selectors, body) = rule.split_once('{')?;
+        let (selectors, body) = (of_drawings(selectors), body_alone(body));
+        (!selectors.is_empty() && !body.is_empty()).then(|| format!("{selectors}{{{body}}}"))
+    });
+    // Invisible areas keep the hints under the pointer.
+    let hints = ".hint-area{fill:none;pointer-events:all}";
+    rules.chain([format!(".paper{{fill:{}}}{hints}", variable("surface"))]).collect()
+});
 
 fn without_comments(style: &str) -> String {
     let pieces = style.split("/*").enumerate();
@@ -182,7 +187,7 @@ fn variable(name: &str) -> String {
     found.map_or_else(String::new, |(value, _)| value.to_owned())
 }
 
-pub(super) fn png(svg: &str) -> Result<Vec<u8>, String> {
+fn png(svg: &str) -> Result<Vec<u8>, String> {
     let tree = Tree::from_str(svg, &OPTIONS).map_err(|error| error.to_string())?;
     let size = tree.size();
     let [width, height] = [size.width(), size.height()].map(|s| (PNG_SCALE * s).ceil() as u32);
@@ -201,8 +206,6 @@ static OPTIONS: LazyLock<Options<'static>> = LazyLock::new(|| {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{PairErrors, Report};
-    use echoloop_closed_loop::evaluation::objective::PairError;
 
     #[test]
     fn the_rules_for_drawings_have_every_class_and_no_variable() {
@@ -220,22 +223,7 @@ mod tests {
 
     #[test]
     fn a_chart_that_stands_alone_is_ink_on_paper() {
-        let error = |translation_m, rotation_deg| PairError {
-            pair: 0,
-            translation_m,
-            rotation_deg,
-            frobenius: translation_m,
-            points: [1; 2],
-            stop: String::new(),
-            iterations: 1,
-        };
-        let pairs = [0.1, 0.3].map(|size| PairErrors {
-            label: String::new(),
-            default: error(size, size),
-            tuned: error(0.5 * size, size),
-        });
-        let report = Report { pair_errors: pairs.to_vec(), ..Report::default() };
-        let figures = report.figures().expect("consistent");
+        let figures = crate::tests::report("start").figures().expect("drawn");
         assert_eq!(figures.len(), 3);
         for Figure { name, svg, png } in figures {
             let pixels = Pixmap::decode_png(&png).expect("a PNG");

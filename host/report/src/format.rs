@@ -2,6 +2,7 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use echoloop_closed_loop::parameters::choices;
 
 /// Text of a value that is not finite.
 pub(super) const NONE: &str = "–";
@@ -100,6 +101,11 @@ pub(super) fn with_unit(number: &str, unit: &str) -> String {
         return format!("{number}{unit}");
     }
     format!("{number}{GAP}{unit}")
+}
+
+/// Name of a value of a parameter that is a choice.
+pub(super) fn choice(parameter: &str, value: f64) -> Option<&'static str> {
+    choices(parameter).get(value as usize).filter(|_| value.is_finite()).copied()
 }
 
 /// Bytes as base64.

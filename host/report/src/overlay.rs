@@ -3,10 +3,9 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use plotters::element::{PathElement, Rectangle};
-use plotters::style::text_anchor::{HPos, VPos};
+use plotters::element::Rectangle;
 
-use super::plot::{Caption, Key, Sample, at, drawing, text};
+use super::plot::{Caption, Key, RIGHT, Sample, at, drawing};
 use super::theme::ink;
 
 const SIDE: f64 = 330.0;
@@ -39,22 +38,15 @@ impl Overlay {
             self.clouds[1].len()
         );
         let scale = SIDE / (2.0 * self.half_m);
-        drawing(caption, [SIDE, SIDE + 4.0], &label, |canvas, top| {
+        drawing(caption, [SIDE, SIDE + 4.0], &label, |canvas| {
             let edges = [at([0.5, 0.5]), at([SIDE - 0.5, SIDE - 0.5])];
-            canvas.draw(&Rectangle::new(edges, ink("frame")))?;
+            canvas.area.draw(&Rectangle::new(edges, ink("frame")))?;
             let (from, y) = (14.0, SIDE - 14.0);
             let to = from + scale * self.bar_m;
-            for line in [
-                [[from, y], [to, y]],
-                [[from, y - 4.0], [from, y + 4.0]],
-                [[to, y - 4.0], [to, y + 4.0]],
-            ] {
-                canvas.draw(&PathElement::new(line.map(at), ink("middle")))?;
-            }
-            let name = text("tick", HPos::Left, VPos::Center);
-            canvas.draw_text(&format!("{} m", self.bar_m), &name, at([to + 7.0, y]))?;
+            canvas.whisker("middle", [from, to], y, 4.0)?;
+            canvas.text(&format!("{} m", self.bar_m), "tick", RIGHT, [to + 7.0, y])?;
             for (class, cloud) in ["cloud-target", "cloud-source"].iter().zip(&self.clouds) {
-                *top += &self.dots(class, cloud, scale);
+                canvas.top += &self.dots(class, cloud, scale);
             }
             Ok(())
         })

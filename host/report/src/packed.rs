@@ -24,7 +24,7 @@ use flate2::write::ZlibEncoder;
 pub(super) const MOST_TRIANGLES: usize = 4_000_000;
 
 /// Steps of a coordinate along its side of the box: 16 bits.
-const STEPS: f64 = 65_535.0;
+pub(super) const STEPS: f64 = 65_535.0;
 
 /// A packed mesh.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,7 +65,7 @@ impl Packed {
             low,
             extent,
             vertices: corners.len(),
-            groups: runs(drawn.iter().map(|(material, _)| *material)),
+            groups: drawn.chunk_by(|a, b| a.0 == b.0).map(|run| (run[0].0, run.len())).collect(),
             collapsed: mesh.triangles.len() - smallest - drawn.len(),
             smallest,
             bytes: deflated(&[differences(&corners), indices].concat()),
@@ -78,7 +78,8 @@ impl Packed {
     }
 }
 
-fn code(vertex: &[f32; 3], low: &[f64; 3], extent: &[f64; 3]) -> [u16; 3] {
+/// Steps of a point from the lower corner of its box, along each axis.
+pub(super) fn code(vertex: &[f32; 3], low: &[f64; 3], extent: &[f64; 3]) -> [u16; 3] {
     from_fn(|k| {
         let share = (f64::from(vertex[k]) - low[k]) / extent[k].max(f64::MIN_POSITIVE);
         (share * STEPS).round() as u16
@@ -130,17 +131,6 @@ fn differences(corners: &[[u16; 3]]) -> Vec<u8> {
         [0, 1].map(|byte| folded.iter().map(|word| word[byte]).collect::<Vec<_>>()).concat()
     };
     [0, 1, 2].map(of_axis).concat()
-}
-
-/// Run lengths: each value with the length of its run.
-fn runs(values: impl Iterator<Item = u8>) -> Vec<(u8, usize)> {
-    values.fold(Vec::new(), |mut runs, value| {
-        match runs.last_mut() {
-            Some((last, count)) if *last == value => *count += 1,
-            _ => runs.push((value, 1)),
-        }
-        runs
-    })
 }
 
 fn deflated(bytes: &[u8]) -> Vec<u8> {

@@ -1,18 +1,15 @@
-//! The document around the sections of a page, with its style and script.
+//! Parts of every page: the document with its style and script, heads, lists, tables.
 
 use super::format::escape;
 
 const STYLE: &str = include_str!("report.css");
-const SAVE: &str = include_str!("save.js");
+
+/// Script that puts buttons under charts, which save them.
+pub(super) const SAVE: &str = include_str!("save.js");
 
 /// Content security policy: the browser refuses to fetch anything.
 const POLICY: &str =
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
-
-/// Script that puts buttons under charts, which save them.
-pub(super) fn save_script() -> &'static str {
-    SAVE
-}
 
 /// A document without style of its own.
 pub(super) fn document(title: &str, sections: &str, script: &str) -> String {
@@ -46,4 +43,52 @@ pub(super) fn facts(facts: &[(String, String)]) -> String {
     };
     let facts: String = facts.iter().map(fact).collect();
     if facts.is_empty() { facts } else { format!("<dl class=\"facts\">{facts}</dl>\n") }
+}
+
+/// Head of a page, with HTML below its title.
+pub(super) fn header(title: &str, below: &str) -> String {
+    let title = escape(title);
+    format!("<header><p class=\"eyebrow\">Echoloop</p><h1>{title}</h1>{below}</header>\n")
+}
+
+pub(super) fn subtitle(text: &str) -> String {
+    format!("<p class=\"subtitle\">{}</p>", escape(text))
+}
+
+/// A list of remarks, each as HTML.
+pub(super) fn notes(remarks: impl Iterator<Item = String>) -> String {
+    let items: String = remarks.map(|remark| format!("<li>{remark}</li>")).collect();
+    format!("<ul class=\"notes\">{items}</ul>")
+}
+
+/// The section of remarks.
+pub(super) fn notes_section(remarks: &[String]) -> String {
+    let notes = notes(remarks.iter().map(|remark| escape(remark)));
+    format!("<section id=\"notes\"><h2>Notes</h2>{notes}</section>\n")
+}
+
+/// A table that scrolls where it is too wide. Heads and rows are HTML.
+pub(super) fn table(
+    class: &str,
+    label: &str,
+    heads: impl IntoIterator<Item = String>,
+    rows: &str,
+) -> String {
+    let heads: String =
+        heads.into_iter().map(|head| format!("<th scope=\"col\">{head}</th>")).collect();
+    format!(
+        "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{label}\"><table \
+         class=\"{class}\"><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>"
+    )
+}
+
+/// A row of a table: its name, then cells as HTML.
+pub(super) fn row(name: &str, cells: impl IntoIterator<Item = String>) -> String {
+    let cells: String = cells.into_iter().collect();
+    format!("<tr><th scope=\"row\">{}</th>{cells}</tr>", escape(name))
+}
+
+/// A cell that repeats its column's name: on a narrow page a row becomes a card.
+pub(super) fn figure_cell(head: &str, cell: &str) -> String {
+    format!("<td data-head=\"{}\"><span class=\"value\">{}</span></td>", escape(head), escape(cell))
 }

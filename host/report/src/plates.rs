@@ -2,14 +2,20 @@
 //! all of them in rows.
 
 use super::chosen::ChosenRange;
-use super::figure::Figure;
+use super::figure::{Figure, box_of};
 use super::format::{escape, file_name, with_code};
 use super::overlay::Overlay;
-use super::plot::{Caption, Key, legend};
+use super::plot::{Caption, FINE, Key, legend, own_legend, own_text};
 use super::sections::correlation::Moved;
 use super::shares::Shares;
-use super::sheet::{Sheet, composed};
 use super::strips::Strips;
+
+/// Room beside the panels of a file, and above them, pixels.
+const EDGE: f64 = 10.0;
+const HEAD: f64 = 30.0;
+
+/// Greatest mean width of a title's letters, pixels.
+const TITLE_LETTER: f64 = 7.8;
 
 /// A figure.
 #[derive(Clone, Debug, Default)]
@@ -73,17 +79,34 @@ impl Plate {
         )
     }
 
-    /// The figure as a drawing that stands alone.
+    /// The figure as a drawing that stands alone, its panels in rows. Each column is as wide as its
+    /// widest panel, each row as high as its highest.
     pub(super) fn figure(&self) -> Result<Figure, String> {
+        let Self { name, title, caption, missing, .. } = self;
+        let columns = self.columns.max(1);
         let panels: Vec<String> = self.panels.iter().map(Panel::svg).collect();
-        composed(&Sheet {
-            name: &self.name,
-            title: &self.title,
-            label: &format!("{}. {} {}", self.title, self.caption, self.missing),
-            columns: self.columns,
-            keys: self.keys(),
-            panels: &panels,
-        })
+        let boxes = panels.iter().map(|panel| box_of(panel)).collect::<Option<Vec<_>>>();
+        let boxes = boxes.ok_or_else(|| format!("a panel of {name} has no box"))?;
+        let widths = most(boxes.iter().enumerate().map(|(k, sides)| (k % columns, sides[2])));
+        let heights = most(boxes.iter().enumerate().map(|(k, sides)| (k / columns, sides[3])));
+        let before = |sides: &[f64], k: usize| sides[..k].iter().sum::<f64>();
+        let mut drawn = own_text([EDGE + 4.0, 20.0], "own-title", title);
+        for (k, (panel, [left, top, wide, high])) in panels.iter().zip(&boxes).enumerate() {
+            let x = FINE * EDGE + before(&widths, k % columns);
+            let y = FINE * HEAD + before(&heights, k / columns);
+            let content = panel.split_once('>').map_or("", |(_, content)| content);
+            drawn += &format!(
+                "<svg x=\"{x}\" y=\"{y}\" width=\"{wide}\" height=\"{high}\" \
+                 viewBox=\"{left} {top} {wide} {high}\">{content}"
+            );
+        }
+        let titled = TITLE_LETTER * title.chars().count() as f64;
+        let width = (widths.iter().sum::<f64>() / FINE).max(titled) + 2.0 * EDGE;
+        let below = HEAD + heights.iter().sum::<f64>() / FINE + 14.0;
+        let (legend, high) = own_legend(self.keys(), width - 2.0 * EDGE, below);
+        drawn += &format!("<g transform=\"translate({} 0)\">{legend}</g>", FINE * EDGE);
+        let label = escape(&format!("{title}. {caption} {missing}"));
+        Figure::new(name, [0.0, 0.0, FINE * width, FINE * (below + high)], &label, &drawn)
     }
 
     /// True when the panels have many names and need the full width of the page.
@@ -123,4 +146,14 @@ impl Panel {
             PanelDrawing::Chosen(chosen) => chosen.svg(&caption),
         }
     }
+}
+
+/// Greatest side of each index.
+fn most(sides: impl Iterator<Item = (usize, f64)>) -> Vec<f64> {
+    let mut most = Vec::new();
+    for (k, side) in sides {
+        most.resize(most.len().max(k + 1), 0.0);
+        most[k] = f64::max(most[k], side);
+    }
+    most
 }

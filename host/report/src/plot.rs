@@ -17,7 +17,6 @@ pub(super) const FINE: f64 = 10.0;
 
 /// A point on the drawing, y down.
 pub(super) type Px = [f64; 2];
-pub(super) type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 pub(super) type Drawn = Result<(), DrawingAreaErrorKind<io::Error>>;
 
 /// Pixels in whole units of plotters.
@@ -27,6 +26,50 @@ pub(super) fn fine(pixels: f64) -> i32 {
 
 pub(super) fn at([x, y]: Px) -> (i32, i32) {
     (fine(x), fine(y))
+}
+
+/// Place of a text relative to its point.
+pub(super) type Anchor = (HPos, VPos);
+pub(super) const LEFT: Anchor = (HPos::Right, VPos::Center);
+pub(super) const RIGHT: Anchor = (HPos::Left, VPos::Center);
+pub(super) const ABOVE: Anchor = (HPos::Center, VPos::Bottom);
+pub(super) const BELOW: Anchor = (HPos::Center, VPos::Top);
+pub(super) const MIDDLE: Anchor = (HPos::Center, VPos::Center);
+
+/// A drawing in the making.
+pub(super) struct Canvas<'a> {
+    pub(super) area: DrawingArea<SVGBackend<'a>, Shift>,
+    /// SVG that lies on top.
+    pub(super) top: String,
+}
+
+impl Canvas<'_> {
+    pub(super) fn line(&self, class: &str, ends: [Px; 2]) -> Drawn {
+        self.area.draw(&PathElement::new(ends.map(at), ink(class)))
+    }
+
+    /// A level line from `left` to `right` with a stroke across either end, `half` up and down.
+    pub(super) fn whisker(&self, class: &str, ends: [f64; 2], y: f64, half: f64) -> Drawn {
+        self.line(class, ends.map(|x| [x, y]))?;
+        ends.into_iter().try_for_each(|x| self.line(class, [[x, y - half], [x, y + half]]))
+    }
+
+    pub(super) fn block(&self, class: &str, corners: [Px; 2]) -> Drawn {
+        self.area.draw(&Rectangle::new(corners.map(at), ink(class).filled()))
+    }
+
+    pub(super) fn dot(&self, class: &str, place: Px, radius: f64) -> Drawn {
+        self.area.draw(&Circle::new(at(place), fine(radius), ink(class).filled()))
+    }
+
+    pub(super) fn text(&self, words: &str, class: &str, anchor: Anchor, place: Px) -> Drawn {
+        self.area.draw_text(words, &style(class, anchor), at(place))
+    }
+
+    /// Shows `words` under the pointer in an area.
+    pub(super) fn hint(&mut self, corners: [Px; 2], words: &str) {
+        self.top += &hint(corners.map(at), words);
+    }
 }
 
 /// Name, title and legend of a chart that can stand alone. Without a name it is part of a page
@@ -39,20 +82,22 @@ pub(super) struct Caption<'a> {
     pub(super) keys: &'a [Key<'a>],
 }
 
-/// An SVG element of this size; a screen reader reads `label`. SVG that `draw` appends to the
-/// string lies on top.
+/// An SVG element of this size; a screen reader reads `label`.
 pub(super) fn drawing(
     caption: &Caption<'_>,
     size: Px,
     label: &str,
-    draw: impl FnOnce(&Canvas<'_>, &mut String) -> Drawn,
+    draw: impl FnOnce(&mut Canvas<'_>) -> Drawn,
 ) -> String {
     let (width, height) = at(size);
-    let (mut svg, mut top) = (String::new(), String::new());
-    let canvas =
-        SVGBackend::with_string(&mut svg, (width as u32, height as u32)).into_drawing_area();
-    draw(&canvas, &mut top).and_then(|()| canvas.present()).expect("a string takes every drawing");
-    drop(canvas);
+    let mut svg = String::new();
+    let top = {
+        let backend = SVGBackend::with_string(&mut svg, (width as u32, height as u32));
+        let mut canvas = Canvas { area: backend.into_drawing_area(), top: String::new() };
+        let drawn = draw(&mut canvas).and_then(|()| canvas.area.present());
+        drawn.expect("a string takes every drawing");
+        canvas.top
+    };
     let (tag, own) = own_caption(caption, size);
     let content = themed(&svg).replace("</svg>", &(top + &own));
     format!(
@@ -77,14 +122,10 @@ fn own_caption(caption: &Caption<'_>, [width, height]: Px) -> (String, String) {
         return Default::default();
     }
     let width = width.max(240.0);
-    let above = if caption.title.is_empty() { MARGIN } else { MARGIN + LINE };
+    let (above, title) = (MARGIN + LINE, own_text([4.0, -8.0], "own-title", caption.title));
     let (keys, below) = own_legend(caption.keys, width, height + LINE);
     let [left, top, wide, high] =
         [-MARGIN, -above, width + 2.0 * MARGIN, above + height + below + MARGIN].map(fine);
-    let title = match caption.title {
-        "" => String::new(),
-        title => own_text([4.0, -8.0], "own-title", title),
-    };
     (
         format!(" data-figure=\"{}\" data-box=\"{left} {top} {wide} {high}\"", caption.name),
         format!("<g class=\"alone\">{title}{keys}</g>"),
@@ -113,8 +154,8 @@ pub(super) fn own_legend(keys: &[Key<'_>], width: f64, y: f64) -> (String, f64) 
     (drawn, height)
 }
 
-/// Style of text of a class, anchored by `h` and `v`. The style sheet sets font and size.
-pub(super) fn text(class: &str, h: HPos, v: VPos) -> TextStyle<'static> {
+/// Style of text of a class. The style sheet sets font and size.
+pub(super) fn style(class: &str, (h, v): Anchor) -> TextStyle<'static> {
     TextStyle {
         color: ink(class).to_backend_color(),
         pos: Pos::new(h, v),
@@ -123,7 +164,7 @@ pub(super) fn text(class: &str, h: HPos, v: VPos) -> TextStyle<'static> {
 }
 
 /// An area that shows `hint` under the pointer.
-pub(super) fn hint((left, top): (i32, i32), (right, bottom): (i32, i32), hint: &str) -> String {
+fn hint([(left, top), (right, bottom)]: [(i32, i32); 2], hint: &str) -> String {
     let (width, height) = (right - left, bottom - top);
     let area = format!("x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height}\"");
     format!("<rect class=\"hint-area\" {area}><title>{}</title></rect>", escape(hint))
@@ -154,20 +195,16 @@ pub(super) fn chart(
     y: Axis,
     draw: impl FnOnce(&mut Chart<'_, '_>) -> Drawn,
 ) -> String {
-    drawing(&frame.caption, frame.size, frame.label, |canvas, top| {
+    drawing(&frame.caption, frame.size, frame.label, |canvas| {
         let room = |title: &str, with, without| fine(if title.is_empty() { without } else { with });
-        canvas.draw_text(
-            frame.y_title,
-            &text("axis", HPos::Left, VPos::Bottom),
-            at([4.0, 23.0]),
-        )?;
-        let mut chart = ChartBuilder::on(canvas)
+        canvas.text(frame.y_title, "axis", (HPos::Left, VPos::Bottom), [4.0, 23.0])?;
+        let mut chart = ChartBuilder::on(&canvas.area)
             .margin_top(room(frame.y_title, 34.0, 8.0))
             .margin_right(fine(13.0))
             .x_label_area_size(room(frame.x_title, 41.0, 20.0))
             .y_label_area_size(fine(48.0))
             .build_cartesian_2d(x, y)?;
-        let tick = text("tick", HPos::Left, VPos::Top);
+        let tick = style("tick", (HPos::Left, VPos::Top));
         // Two meshes, since plotters styles both axes of one alike.
         let mut levels = chart.configure_mesh();
         levels
@@ -179,9 +216,9 @@ pub(super) fn chart(
         levels.set_tick_mark_size(LabelAreaPosition::Left, fine(3.5)).draw()?;
         let mut foot = chart.configure_mesh();
         foot.disable_mesh().disable_y_axis().axis_style(ink("frame")).x_label_style(tick);
-        foot.x_desc(frame.x_title).axis_desc_style(text("axis", HPos::Center, VPos::Bottom));
+        foot.x_desc(frame.x_title).axis_desc_style(style("axis", ABOVE));
         foot.set_tick_mark_size(LabelAreaPosition::Bottom, fine(4.0)).draw()?;
-        draw(&mut Chart { chart, top })
+        draw(&mut Chart { chart, top: &mut canvas.top })
     })
 }
 
@@ -232,27 +269,25 @@ impl<'b> Chart<'_, 'b> {
 
     /// A line from left to right at `y`, if that is finite.
     pub(super) fn level(&mut self, class: &str, y: f64) -> Drawn {
-        let ends = [f64::NEG_INFINITY, f64::INFINITY].map(|x| (x, y));
-        self.draw(y.is_finite().then(|| PathElement::new(ends, ink(class))))
+        self.across(class, y, [f64::NEG_INFINITY, f64::INFINITY].map(|x| (x, y)))
     }
 
     /// A line from bottom to top at `x`, if that is finite.
     pub(super) fn upright(&mut self, class: &str, x: f64) -> Drawn {
-        let ends = [f64::NEG_INFINITY, f64::INFINITY].map(|y| (x, y));
-        self.draw(x.is_finite().then(|| PathElement::new(ends, ink(class))))
+        self.across(class, x, [f64::NEG_INFINITY, f64::INFINITY].map(|y| (x, y)))
+    }
+
+    fn across(&mut self, class: &str, value: f64, ends: [(f64, f64); 2]) -> Drawn {
+        self.draw(value.is_finite().then(|| PathElement::new(ends, ink(class))))
     }
 
     /// A text in the middle.
     pub(super) fn note(&mut self, words: &str) -> Drawn {
         let (x, y) = self.chart.plotting_area().get_base_pixel();
         let (width, height) = self.chart.plotting_area().dim_in_pixel();
-        let middle = (x + width as i32 / 2, y + height as i32 / 2);
-        *self.top += &format!(
-            "<text class=\"tick\" text-anchor=\"middle\" x=\"{}\" y=\"{}\">{}</text>",
-            middle.0,
-            middle.1,
-            escape(words)
-        );
+        let (x, y) = (x + width as i32 / 2, y + height as i32 / 2);
+        let place = format!("text-anchor=\"middle\" x=\"{x}\" y=\"{y}\"");
+        *self.top += &format!("<text class=\"tick\" {place}>{}</text>", escape(words));
         Ok(())
     }
 
@@ -260,7 +295,7 @@ impl<'b> Chart<'_, 'b> {
     pub(super) fn hint(&mut self, left: f64, right: f64, text: &str) {
         let corners = [(left, f64::INFINITY), (right, f64::NEG_INFINITY)]
             .map(|c| self.chart.backend_coord(&c));
-        *self.top += &hint(corners[0], corners[1], text);
+        *self.top += &hint(corners, text);
     }
 }
 
@@ -277,34 +312,25 @@ pub(super) enum Sample {
 
 /// A legend as a list, in the page's text size at any scale of the plot.
 pub(super) fn legend(keys: &[Key<'_>]) -> String {
-    let items: String =
-        keys.iter().map(|(class, sample, text)| key(class, *sample, text)).collect();
-    format!("<ul class=\"legend\">{items}</ul>")
-}
-
-fn key(class: &str, sample: Sample, text: &str) -> String {
-    let shape = shape(class, sample, [0.0; 2], 1.0);
-    format!("<li><svg viewBox=\"0 0 24 12\" aria-hidden=\"true\">{shape}</svg>{text}</li>")
+    let item = |(class, sample, text): &Key<'_>| {
+        let shape = shape(class, *sample, [0.0; 2], 1.0);
+        format!("<li><svg viewBox=\"0 0 24 12\" aria-hidden=\"true\">{shape}</svg>{text}</li>")
+    };
+    format!("<ul class=\"legend\">{}</ul>", keys.iter().map(item).collect::<String>())
 }
 
 /// Sample of a key, 24 by 12 pixels from its upper left corner, `scale` units a pixel.
 fn shape(class: &str, sample: Sample, [x, y]: Px, scale: f64) -> String {
-    let to = |right: f64, down: f64| {
-        let [right, down] = [scale * (x + right), scale * (y + down)].map(f64::round);
-        format!("{right} {down}")
+    let to = |right: f64, down: f64| [scale * (x + right), scale * (y + down)].map(f64::round);
+    let path = |corners: &[[f64; 2]], end: &str| {
+        let corners: Vec<String> = corners.iter().map(|[x, y]| format!("{x} {y}")).collect();
+        format!("<path class=\"{class}\" d=\"M{}{end}\"/>", corners.join("L"))
     };
     match sample {
-        Sample::Line => {
-            format!("<path class=\"{class}\" d=\"M{}L{}\"/>", to(1.0, 6.0), to(23.0, 6.0))
-        }
-        Sample::Area => {
-            let corners = [to(1.0, 1.0), to(23.0, 1.0), to(23.0, 11.0), to(1.0, 11.0)].join("L");
-            format!("<path class=\"{class}\" d=\"M{corners}Z\"/>")
-        }
+        Sample::Line => path(&[to(1.0, 6.0), to(23.0, 6.0)], ""),
+        Sample::Area => path(&[to(1.0, 1.0), to(23.0, 1.0), to(23.0, 11.0), to(1.0, 11.0)], "Z"),
         Sample::Dot => {
-            let centre = to(12.0, 6.0);
-            let (x, y) = centre.split_once(' ').unwrap_or_default();
-            let radius = 4.0 * scale;
+            let ([x, y], radius) = (to(12.0, 6.0), 4.0 * scale);
             format!("<circle class=\"{class}\" cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"/>")
         }
     }

@@ -1,8 +1,7 @@
 //! The page of an instrument's response.
 
 use super::axis::Axis;
-use super::format::escape;
-use super::page::{document, facts};
+use super::page::{document, facts, header};
 use super::plot::{Caption, Frame, Px, Sample, chart, legend};
 
 const SIZE: Px = [880.0, 310.0];
@@ -34,11 +33,9 @@ impl ResponsePage {
         ];
         let whole = self.plot(Axis::around(self.level.iter().copied()), "level");
         let close = self.plot(Axis::between(-CLOSE_UP, CLOSE_UP, false), "level, close up");
-        let title = escape(&self.title);
         let sections = format!(
-            "<header><p class=\"eyebrow\">Echoloop</p><h1>{title}</h1>{}</header>\n\
-             <section id=\"response\"><figure>{whole}{close}{}</figure></section>\n",
-            facts(&self.facts),
+            "{}<section id=\"response\"><figure>{whole}{close}{}</figure></section>\n",
+            header(&self.title, &facts(&self.facts)),
             legend(&keys)
         );
         document(&self.title, &sections, "")

@@ -1,12 +1,9 @@
 //! A horizontal axis below rows that share it.
 
 use plotters::coord::ranged1d::{BoldPoints, Ranged, ValueFormatter};
-use plotters::element::PathElement;
-use plotters::style::text_anchor::{HPos, VPos};
 
 use super::axis::Axis;
-use super::plot::{Canvas, Drawn, at, text};
-use super::theme::ink;
+use super::plot::{BELOW, Canvas, Drawn};
 
 /// Steps along the axis: plotters maps to whole numbers.
 const STEPS: i32 = 100_000;
@@ -49,9 +46,8 @@ impl Ruler {
                 continue;
             }
             taken.push([x - half, x + half]);
-            canvas.draw(&PathElement::new([[x, y], [x, y + 4.0]].map(at), ink("frame")))?;
-            let style = text("tick", HPos::Center, VPos::Top);
-            canvas.draw_text(label, &style, at([x, y + 6.0]))?;
+            canvas.line("frame", [[x, y], [x, y + 4.0]])?;
+            canvas.text(label, "tick", BELOW, [x, y + 6.0])?;
         }
         Ok(())
     }

@@ -1,14 +1,17 @@
 //! The page of a scene: a 3D view with its viewpoints and pairs.
 
-use echoloop_sim::picture::{PITCH_RAD, Picture, YAW_RAD, colour, view_box};
+use echoloop_closed_loop::dataset::survey::SurveyedPair;
+use echoloop_sim::picture::{PITCH_RAD, YAW_RAD, colour, view_box};
 use echoloop_sim::scene::{Material, Scene};
+use echoloop_sim::viewpoint::Split;
+use nalgebra::Vector3;
 use serde_json::{Value, json};
 
-use super::error::ReportError;
-use super::format::{base64, escape, grouped, significant};
+use super::format::{base64, escape, fixed, grouped, significant};
 use super::packed::{MOST_TRIANGLES, Packed};
-use super::page::{document_with, facts};
+use super::page::{document_with, facts, header, notes_section, subtitle};
 use super::picture::picture_png;
+use super::survey::{STILL_PX, SceneReport};
 
 const STYLE: &str = include_str!("scene.css");
 const CAMERA: &str = include_str!("camera.js");
@@ -17,62 +20,30 @@ const VIEWER: &str = include_str!("scene.js");
 /// Unit vector to the sun, high in the south-west.
 const SUN: [f64; 3] = [-0.48, -0.36, 0.80];
 
-/// A scene to show.
-#[derive(Clone, Debug)]
-pub struct ScenePage<'a> {
-    /// Heading of the page.
-    pub title: String,
-    /// One line under the heading.
-    pub subtitle: String,
-    /// Names and values above the view.
-    pub facts: Vec<(String, String)>,
-    /// The scene.
-    pub scene: &'a Scene,
-    /// Pairs of viewpoints.
-    pub pairs: Vec<ShownPair>,
-    /// Picture in place of the view where a browser cannot draw it.
-    pub still: &'a Picture,
-    /// Remarks, a sentence each.
-    pub notes: Vec<String>,
-}
-
-/// A pair of viewpoints.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct ShownPair {
-    /// Name.
-    pub name: String,
-    /// Short description, for the list.
-    pub brief: String,
-    /// Full description, shown when the pair is selected.
-    pub told: String,
-    /// True for a held-out pair, false for a training pair.
-    pub is_held_out: bool,
-    /// Positions of the sensors, metres.
-    pub at_m: [[f64; 3]; 2],
-    /// Unit vectors of their directions of view.
-    pub ahead: [[f64; 3]; 2],
-}
-
-impl ScenePage<'_> {
-    /// The page, complete. It refers to nothing outside itself, and the same data gives the same
-    /// bytes. It holds the four million largest triangles at most, and says so.
+impl SceneReport<'_> {
+    /// Page in three dimensions. It refers to nothing outside itself, and the same data gives the
+    /// same bytes. It holds the four million largest triangles at most, and says so.
     ///
     /// # Errors
     ///
-    /// [`ReportError::Drawing`] when the still picture has no pixels.
-    pub fn to_html(&self) -> Result<String, ReportError> {
-        let packed = Packed::new(&self.scene.mesh, MOST_TRIANGLES);
-        let still = picture_png(self.still, &[]).map_err(ReportError::Drawing)?;
-        let header = format!(
-            "<header><p class=\"eyebrow\">Echoloop</p><h1>{}</h1><p class=\"subtitle\">{}</p>\
-             {}</header>\n",
-            escape(&self.title),
-            escape(&self.subtitle),
-            facts(&self.facts)
-        );
-        let sections = [header, self.section(&packed, &still), self.notes(&packed)].concat();
+    /// Those of [`picture_png`](crate::picture_png).
+    pub fn page(&self) -> Result<String, String> {
+        let packed = Packed::new(&self.scene().mesh, MOST_TRIANGLES);
+        let still = picture_png(&self.still(STILL_PX), &[])?;
+        let title = &self.scene().name;
+        let below = subtitle("A scene, and the pairs of places from which it is scanned.")
+            + &facts(&self.facts());
+        let sections = [
+            header(title, &below),
+            self.section(&packed, &still),
+            notes_section(&self.notes(&packed)),
+        ];
         let script = [CAMERA, VIEWER].concat();
-        Ok(document_with(STYLE, "wide", &self.title, &sections, &script))
+        Ok(document_with(STYLE, "wide", title, &sections.concat(), &script))
+    }
+
+    fn scene(&self) -> &Scene {
+        &self.survey.place.scene
     }
 
     fn section(&self, packed: &Packed, still: &[u8]) -> String {
@@ -80,13 +51,10 @@ impl ScenePage<'_> {
             "<section id=\"scene\"><h2>In three dimensions</h2>\
              <p class=\"lead\">A dot is a place where the sensor stands, a short line the way it \
              looks, and the line between two dots a pair's baseline. What is behind something \
-             shows faintly.</p><div class=\"scene\"><div>{}{}{}{}</div><aside>{}{}</aside></div>\
+             shows faintly.</p><div class=\"scene\"><div>{CONTROLS}{}{SELECTED_PAIR}{HINT}</div><aside>{}{}</aside></div>\
              <script type=\"application/json\" id=\"scene-data\">{}</script>\
              <script type=\"text/plain\" id=\"geometry\">{}</script></section>\n",
-            controls(),
-            stage(&self.title, still),
-            selected_pair(),
-            HINT,
+            stage(&self.scene().name, still),
             self.list(),
             self.legend(packed),
             self.data(packed),
@@ -95,17 +63,18 @@ impl ScenePage<'_> {
     }
 
     fn list(&self) -> String {
-        let entry = |(index, pair): (usize, &ShownPair)| {
+        let entry = |(index, pair): (usize, &SurveyedPair)| {
+            let swatch = if pair.split == Split::Test { "source" } else { "target" };
             format!(
                 "<li><button type=\"button\" data-pair=\"{index}\" aria-pressed=\"false\">\
-                 <i class=\"swatch {}\"></i>{} <span>{}</span></button></li>",
-                if pair.is_held_out { "source" } else { "target" },
-                escape(&pair.name),
-                escape(&pair.brief)
+                 <i class=\"swatch {swatch}\"></i>{} <span>{} m, {}°</span></button></li>",
+                name_of(pair),
+                fixed(pair.baseline_m(), 2),
+                fixed(pair.turn_deg(), 1)
             )
         };
-        let entries: String = self.pairs.iter().enumerate().map(entry).collect();
-        match self.pairs.is_empty() {
+        let entries: String = self.survey.pairs.iter().enumerate().map(entry).collect();
+        match self.survey.pairs.is_empty() {
             true => "<h3>Pairs</h3><p>There are none.</p>".to_owned(),
             false => format!(
                 "<h3 id=\"pairs-head\">Pairs</h3><ul class=\"pairs\" \
@@ -114,8 +83,31 @@ impl ScenePage<'_> {
         }
     }
 
+    /// Place, direction and description of a pair, for the script.
+    fn of_pair(&self, pair: &SurveyedPair) -> Value {
+        let is_held_out = pair.split == Split::Test;
+        let other = set_of(if is_held_out { Split::Train } else { Split::Test });
+        let nearest = self.survey.nearest_other_m(pair);
+        let nearest = nearest.map_or_else(String::new, |apart_m| {
+            format!("; {} m from the nearest {other} viewpoint", fixed(apart_m, 1))
+        });
+        let [first, second] = pair.viewpoints;
+        let told = format!(
+            "viewpoints {first} and {second}, {} m apart, turned by {}°, overlap {:.2}{nearest}.",
+            fixed(pair.baseline_m(), 2),
+            fixed(pair.turn_deg(), 1),
+            pair.overlap
+        );
+        let poses = pair.world_from_sensor.each_ref();
+        json!({
+            "set": u8::from(is_held_out), "name": name_of(pair), "told": told,
+            "at": poses.map(|pose| rounded(pose.translation.vector.into(), 3)),
+            "ahead": poses.map(|pose| rounded((pose.rotation * Vector3::x()).into(), 4)),
+        })
+    }
+
     fn material(&self, index: u8) -> Option<&Material> {
-        self.scene.materials.get(usize::from(index))
+        self.scene().materials.get(usize::from(index))
     }
 
     fn legend(&self, packed: &Packed) -> String {
@@ -141,7 +133,7 @@ impl ScenePage<'_> {
 
     /// Data of the script besides the geometry. `<` is escaped, so that no text ends the element.
     fn data(&self, packed: &Packed) -> String {
-        let (low, high) = view_box(self.scene);
+        let (low, high) = view_box(self.scene());
         let both = |k: usize| (f64::from(low[k]), f64::from(high[k]));
         let middle = [0, 1, 2].map(|k| f64::midpoint(both(k).0, both(k).1));
         let half = [0, 1, 2].map(|k| (0.5 * (both(k).1 - both(k).0)).max(0.5));
@@ -160,15 +152,15 @@ impl ScenePage<'_> {
             "middle": rounded(middle, 5), "half": rounded(half, 3), "sun": SUN,
             "start": { "yaw": YAW_RAD, "pitch": PITCH_RAD },
             "groups": packed.groups.iter().map(group).collect::<Vec<_>>(),
-            "pairs": self.pairs.iter().map(of_pair).collect::<Vec<_>>(),
+            "pairs": self.survey.pairs.iter().map(|pair| self.of_pair(pair)).collect::<Vec<_>>(),
         });
         document.to_string().replace('<', "\\u003c")
     }
 
-    fn notes(&self, packed: &Packed) -> String {
+    fn notes(&self, packed: &Packed) -> Vec<String> {
         let step_mm = packed.step_m().map(|step| significant(1000.0 * step));
         let drawn: usize = packed.groups.iter().map(|(_, count)| count).sum();
-        let mut notes = self.notes.clone();
+        let mut notes: Vec<String> = self.survey.missing.iter().map(ToString::to_string).collect();
         notes.push(format!(
             "{} triangles are drawn, their corners in steps of {} × {} × {} mm (16 bits along each \
              axis). A scan meets the exact ones.",
@@ -187,16 +179,20 @@ impl ScenePage<'_> {
                 "A page has {most} triangles at most: the {count} smallest are left out here."
             ));
         }
-        let items: String = notes.iter().map(|note| format!("<li>{}</li>", escape(note))).collect();
-        format!("<section id=\"notes\"><h2>Notes</h2><ul class=\"notes\">{items}</ul></section>\n")
+        notes
     }
 }
 
-fn of_pair(pair: &ShownPair) -> Value {
-    json!({
-        "set": u8::from(pair.is_held_out), "name": pair.name, "told": pair.told,
-        "at": pair.at_m.map(|at| rounded(at, 3)), "ahead": pair.ahead.map(|way| rounded(way, 4)),
-    })
+/// Name of a set of pairs.
+fn set_of(split: Split) -> &'static str {
+    match split {
+        Split::Train => "training",
+        Split::Test => "held-out",
+    }
+}
+
+fn name_of(pair: &SurveyedPair) -> String {
+    format!("{} pair {}", set_of(pair.split), pair.number)
 }
 
 fn rounded(numbers: [f64; 3], decimals: i32) -> [f64; 3] {
@@ -204,8 +200,7 @@ fn rounded(numbers: [f64; 3], decimals: i32) -> [f64; 3] {
     numbers.map(|number| (number * scale).round() / scale)
 }
 
-fn controls() -> &'static str {
-    "<div class=\"controls\" data-live hidden>\
+const CONTROLS: &str = "<div class=\"controls\" data-live hidden>\
      <label><input type=\"checkbox\" id=\"show-train\" checked><i class=\"swatch \
      target\"></i>training pairs</label>\
      <label><input type=\"checkbox\" id=\"show-held-out\" checked><i class=\"swatch \
@@ -213,8 +208,7 @@ fn controls() -> &'static str {
      <label>colour by <select id=\"colour-by\"><option value=\"0\">material</option>\
      <option value=\"1\">reflectance</option></select></label>\
      <button type=\"button\" id=\"view-reset\">reset view</button>\
-     <button type=\"button\" id=\"view-top\">from above</button></div>"
-}
+     <button type=\"button\" id=\"view-top\">from above</button></div>";
 
 fn stage(title: &str, still: &[u8]) -> String {
     format!(
@@ -234,13 +228,11 @@ fn stage(title: &str, still: &[u8]) -> String {
 }
 
 /// Description of the selected pair, with buttons that move the view.
-fn selected_pair() -> &'static str {
-    "<div class=\"told\" data-live hidden><p id=\"pair-told\" role=\"status\">No pair is \
+const SELECTED_PAIR: &str = "<div class=\"told\" data-live hidden><p id=\"pair-told\" role=\"status\">No pair is \
      selected.</p><span id=\"pair-hands\" hidden>\
      <button type=\"button\" data-stand=\"0\">stand at the first</button> \
      <button type=\"button\" data-stand=\"1\">stand at the second</button> \
-     <button type=\"button\" id=\"pair-leave\">leave it</button></span></div>"
-}
+     <button type=\"button\" id=\"pair-leave\">leave it</button></span></div>";
 
 const HINT: &str = "<p class=\"hint\" id=\"view-hint\" data-live hidden>Drag to orbit, shift-drag \
      or two fingers to pan, pinch to zoom; click the view, then scroll to zoom. Click a dot to \

@@ -1,15 +1,24 @@
 //! Cumulative distributions of the error, with a curve for each tuned part.
 
+use echoloop_closed_loop::config::preset::Protocol;
 use plotters::series::LineSeries;
 
 use super::axis::Axis;
 use super::format::fixed;
 use super::plot::{Caption, Frame, Key, Px, Sample, chart};
 use super::sections::pairs::steps;
-use super::series::{CURVES, Series};
 use super::theme::ink;
 
 const SIZE: Px = [330.0, 230.0];
+
+/// Legend of the curves, in the order of [`Protocol`]: distinct by colour and, without colour, by
+/// dashes.
+pub(super) const CURVES: [Key<'static>; 4] = [
+    ("curve-default", Sample::Line, "default"),
+    ("curve-lidar", Sample::Line, "LiDAR tuned"),
+    ("curve-registration", Sample::Line, "registration tuned"),
+    ("curve-tuned", Sample::Line, "both tuned"),
+];
 
 pub(super) const KEYS: [Key<'static>; 5] =
     [CURVES[0], CURVES[1], CURVES[2], CURVES[3], ("limit", Sample::Line, "bound of success")];
@@ -23,25 +32,8 @@ pub struct Shares {
     pub span: [f64; 2],
     /// Greatest error of a success.
     pub bound: f64,
-    /// Curves of the cells that are done.
-    pub curves: Vec<ShareCurve>,
-}
-
-/// A curve.
-#[derive(Clone, Debug)]
-pub struct ShareCurve {
-    /// Tuned part.
-    pub series: Series,
-    /// Error of every pair.
-    pub errors: Vec<f64>,
-}
-
-impl ShareCurve {
-    /// Share of pairs with errors up to `bound`, percent.
-    fn within(&self, bound: f64) -> f64 {
-        let found = self.errors.iter().filter(|error| **error <= bound).count();
-        100.0 * found as f64 / self.errors.len() as f64
-    }
+    /// Tuned part and error of every pair of the cells that are done.
+    pub curves: Vec<(Protocol, Vec<f64>)>,
 }
 
 impl Shares {
@@ -61,19 +53,20 @@ impl Shares {
             }
             chart.upright("limit", self.bound)?;
             // The one solid line first, so that dashed curves on top of it still show.
-            let (full, dashed): (Vec<&ShareCurve>, Vec<&ShareCurve>) =
-                self.curves.iter().partition(|curve| curve.series == Series::Joint);
-            full.into_iter().chain(dashed).try_for_each(|curve| {
-                let outline = steps(curve.errors.clone());
-                chart.draw(LineSeries::new(outline, ink(curve.series.curve())))
+            let (full, dashed): (Vec<_>, Vec<_>) =
+                self.curves.iter().partition(|(tuned, _)| *tuned == Protocol::Joint);
+            full.into_iter().chain(dashed).try_for_each(|(tuned, errors)| {
+                let (class, ..) = CURVES[*tuned as usize];
+                chart.draw(LineSeries::new(steps(errors.clone()), ink(class)))
             })
         })
     }
 
     fn label(&self, title: &str) -> String {
-        let texts = self.curves.iter().map(|curve| {
-            let within = fixed(curve.within(self.bound), 1);
-            format!("{}: {within} % within the bound", curve.series.title())
+        let texts = self.curves.iter().map(|(tuned, errors)| {
+            let found = errors.iter().filter(|error| **error <= self.bound).count();
+            let within = fixed(100.0 * found as f64 / errors.len() as f64, 1);
+            format!("{}: {within} % within the bound", CURVES[*tuned as usize].2)
         });
         format!("{title}: {}.", texts.collect::<Vec<_>>().join(", "))
     }

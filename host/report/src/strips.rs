@@ -1,13 +1,8 @@
 //! Errors of every pair as dots, in a row for each set of parameters.
 
-use plotters::element::{Circle, PathElement};
-use plotters::style::Color;
-use plotters::style::text_anchor::{HPos, VPos};
-
 use super::axis::Axis;
-use super::plot::{Canvas, Caption, Drawn, Key, Sample, at, drawing, fine, text};
+use super::plot::{ABOVE, Canvas, Caption, Drawn, Key, LEFT, Sample, drawing};
 use super::ruler::Ruler;
-use super::theme::ink;
 
 const TRACK: f64 = 205.0;
 const ROW: f64 = 27.0;
@@ -61,9 +56,8 @@ impl Strips {
         let label = format!("{}. {}.", caption.title, texts.collect::<Vec<_>>().join(", "));
         let [low, high] = self.span;
         let ruler = Ruler { axis: Axis::between(low, high, true), left: NAMES, width: TRACK };
-        drawing(caption, size, &label, |canvas, _| {
-            let head = text("tick", HPos::Right, VPos::Center);
-            canvas.draw_text(&self.said, &head, at([size[0] - 2.0, 9.0]))?;
+        drawing(caption, size, &label, |canvas| {
+            canvas.text(&self.said, "tick", LEFT, [size[0] - 2.0, 9.0])?;
             self.foot(canvas, &ruler, height)?;
             (0..self.rows.len()).try_for_each(|row| self.row(canvas, &ruler, row))
         })
@@ -72,10 +66,8 @@ impl Strips {
     fn row(&self, canvas: &Canvas<'_>, ruler: &Ruler, number: usize) -> Drawn {
         let row = &self.rows[number];
         let middle = 20.0 + ROW * (number as f64 + 0.5);
-        let name = text("name", HPos::Right, VPos::Center);
-        canvas.draw_text(&row.name, &name, at([NAMES - 8.0, middle]))?;
-        let said = text("tick", HPos::Right, VPos::Center);
-        canvas.draw_text(&row.said, &said, at([NAMES + TRACK + END - 2.0, middle]))?;
+        canvas.text(&row.name, "name", LEFT, [NAMES - 8.0, middle])?;
+        canvas.text(&row.said, "tick", LEFT, [NAMES + TRACK + END - 2.0, middle])?;
         for (k, &(error, is_found)) in row.pairs.iter().enumerate() {
             let class = match (row.strong, is_found) {
                 (true, true) => "dot-tuned",
@@ -85,33 +77,28 @@ impl Strips {
             };
             // Offsets by the golden ratio keep neighbours in the list apart without random numbers.
             let off = (0.618_034 * k as f64).fract() - 0.5;
-            let place = at([ruler.across(error), middle + 0.62 * ROW * off]);
-            canvas.draw(&Circle::new(place, fine(1.7), ink(class).filled()))?;
+            canvas.dot(class, [ruler.across(error), middle + 0.62 * ROW * off], 1.7)?;
         }
         if !row.median.is_finite() {
             return Ok(());
         }
         let x = ruler.across(row.median);
-        let mark = [[x, middle - 0.42 * ROW], [x, middle + 0.42 * ROW]].map(at);
-        canvas.draw(&PathElement::new(mark, ink("middle")))
+        canvas.line("middle", [[x, middle - 0.42 * ROW], [x, middle + 0.42 * ROW]])
     }
 
     /// The axis under the rows, and the bound through them.
     fn foot(&self, canvas: &Canvas<'_>, ruler: &Ruler, height: f64) -> Drawn {
+        let upright = |class: &str, value: f64| {
+            let x = ruler.across(value);
+            canvas.line(class, [[x, 20.0], [x, height]])
+        };
         let ticks = ruler.ticks();
-        for &tick in &ticks {
-            let x = ruler.across(tick);
-            let line = [[x, 20.0], [x, height]].map(at);
-            canvas.draw(&PathElement::new(line, ink("grid")))?;
-        }
+        ticks.iter().try_for_each(|&tick| upright("grid", tick))?;
         let labels: Vec<_> = ticks.iter().map(|&tick| (tick, ruler.number(tick))).collect();
         ruler.labels(canvas, height, &labels)?;
-        let ends = [[NAMES, height], [NAMES + TRACK, height]].map(at);
-        canvas.draw(&PathElement::new(ends, ink("frame")))?;
-        let x = ruler.across(self.bound);
-        canvas.draw(&PathElement::new([[x, 20.0], [x, height]].map(at), ink("limit")))?;
-        let title = text("axis", HPos::Center, VPos::Bottom);
-        let title_at = at([NAMES + 0.5 * TRACK, height + 42.0]);
-        canvas.draw_text(&format!("{}, log axis", self.axis), &title, title_at)
+        canvas.line("frame", [[NAMES, height], [NAMES + TRACK, height]])?;
+        upright("limit", self.bound)?;
+        let place = [NAMES + 0.5 * TRACK, height + 42.0];
+        canvas.text(&format!("{}, log axis", self.axis), "axis", ABOVE, place)
     }
 }

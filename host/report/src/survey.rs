@@ -1,4 +1,4 @@
-//! A surveyed scene: its facts, its page, its picture and its document.
+//! A surveyed scene: its facts, its picture and its document.
 
 use std::path::Path;
 
@@ -12,10 +12,8 @@ use echoloop_sim::scene::Material;
 use echoloop_sim::viewpoint::Split;
 use serde_json::{Value, json};
 
-use super::error::ReportError;
 use super::format::{fixed, grouped};
 use super::picture::picture_png;
-use super::scene::{ScenePage, ShownPair};
 
 /// Pixels across of the still picture in a page.
 pub const STILL_PX: usize = 960;
@@ -47,28 +45,9 @@ impl SceneReport<'_> {
         picture_png(&self.still(width), &entries)
     }
 
-    fn still(&self, width: usize) -> Picture {
+    pub(super) fn still(&self, width: usize) -> Picture {
         let place = &self.survey.place;
         draw(&place.scene, &place.caster, [width, (width * 5).div_ceil(8)])
-    }
-
-    /// Page in three dimensions.
-    ///
-    /// # Errors
-    ///
-    /// [`ReportError::Drawing`].
-    pub fn page(&self) -> Result<String, ReportError> {
-        let Survey { place, missing, pairs, .. } = self.survey;
-        let page = ScenePage {
-            title: place.scene.name.clone(),
-            subtitle: "A scene, and the pairs of places from which it is scanned.".into(),
-            facts: self.facts(),
-            scene: &place.scene,
-            pairs: pairs.iter().map(|pair| shown(self.survey, pair)).collect(),
-            still: &self.still(STILL_PX),
-            notes: missing.iter().map(ToString::to_string).collect(),
-        };
-        page.to_html()
     }
 
     /// Names and values, as printed and at the head of the page.
@@ -90,23 +69,20 @@ impl SceneReport<'_> {
         });
         let apart = survey.least_apart_m().map(|least_m| format!("{} m", fixed(least_m, 2)));
         let facts = [
-            ("scene", config.scene.source.clone()),
-            ("triangles", grouped(survey.place.scene.mesh.triangles.len())),
-            ("extent", format!("{} × {} × {} m", side(0), side(1), side(2))),
-            ("viewpoints", (2 * survey.pairs.len()).to_string()),
-            ("pairs", format!("{train} training, {test} held-out")),
-            ("overlap, training", overlap(Split::Train)),
-            ("overlap, held-out", overlap(Split::Test)),
-            ("nearest training and held-out", apart.unwrap_or_else(|| "–".into())),
-            ("seed", config.seed.to_string()),
-            ("checksum of the scene", scene),
-            ("checksum of the poses", pairs),
+            Some(("scene", config.scene.source.clone())),
+            town,
+            Some(("triangles", grouped(survey.place.scene.mesh.triangles.len()))),
+            Some(("extent", format!("{} × {} × {} m", side(0), side(1), side(2)))),
+            Some(("viewpoints", (2 * survey.pairs.len()).to_string())),
+            Some(("pairs", format!("{train} training, {test} held-out"))),
+            Some(("overlap, training", overlap(Split::Train))),
+            Some(("overlap, held-out", overlap(Split::Test))),
+            Some(("nearest training and held-out", apart.unwrap_or_else(|| "–".into()))),
+            Some(("seed", config.seed.to_string())),
+            Some(("checksum of the scene", scene)),
+            Some(("checksum of the poses", pairs)),
         ];
-        let facts = facts.into_iter().flat_map(|fact| match fact.0 {
-            "scene" => [Some(fact), town.clone()],
-            _ => [Some(fact), None],
-        });
-        facts.flatten().map(|(name, value)| (name.to_owned(), value)).collect()
+        facts.into_iter().flatten().map(|(name, value)| (name.to_owned(), value)).collect()
     }
 
     /// Document with every pair, and the files that were written.
@@ -136,38 +112,6 @@ impl SceneReport<'_> {
             "page": page, "picture": picture,
             "pairs": survey.pairs.iter().map(pair).collect::<Vec<_>>(),
         })
-    }
-}
-
-fn name_of(split: Split) -> &'static str {
-    match split {
-        Split::Train => "training",
-        Split::Test => "held-out",
-    }
-}
-
-fn shown(survey: &Survey, pair: &SurveyedPair) -> ShownPair {
-    let (baseline, turn) = (fixed(pair.baseline_m(), 2), fixed(pair.turn_deg(), 1));
-    let is_held_out = pair.split == Split::Test;
-    let other = name_of(if is_held_out { Split::Train } else { Split::Test });
-    let nearest = survey
-        .nearest_other_m(pair)
-        .map(|apart_m| format!("; {} m from the nearest {other} viewpoint", fixed(apart_m, 1)));
-    let [first, second] = pair.viewpoints;
-    let at = |pose: &Pose| pose.translation.vector.into();
-    let ahead = |pose: &Pose| (pose.rotation * nalgebra::Vector3::x()).into();
-    ShownPair {
-        name: format!("{} pair {}", name_of(pair.split), pair.number),
-        brief: format!("{baseline} m, {turn}°"),
-        told: format!(
-            "viewpoints {first} and {second}, {baseline} m apart, turned by {turn}°, overlap \
-             {:.2}{}.",
-            pair.overlap,
-            nearest.unwrap_or_default()
-        ),
-        is_held_out,
-        at_m: pair.world_from_sensor.each_ref().map(at),
-        ahead: pair.world_from_sensor.each_ref().map(ahead),
     }
 }
 

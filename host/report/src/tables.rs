@@ -1,9 +1,8 @@
 //! The page of tables of figures.
 
-use super::error::ReportError;
 use super::figure::Figure;
 use super::format::{escape, with_code};
-use super::page::{document, facts, save_script};
+use super::page::{self, SAVE, document, facts, header, notes, row, subtitle};
 use super::plates::Plate;
 
 /// Tables one below the other, then figures.
@@ -61,49 +60,37 @@ pub struct FigureCell {
 impl TablesPage {
     /// The page, complete.
     pub fn to_html(&self) -> String {
-        let remarks: String =
-            self.remarks.iter().map(|text| format!("<li>{}</li>", with_code(text))).collect();
-        let header = format!(
-            "<header><p class=\"eyebrow\">Echoloop</p><h1>{}</h1><p class=\"subtitle\">{}</p>{}\
-             <ul class=\"notes\">{remarks}</ul></header>\n",
-            escape(&self.title),
-            escape(&self.subtitle),
-            facts(&self.facts)
-        );
-        let tables: String = self.tables.iter().map(table).collect();
+        let remarks = notes(self.remarks.iter().map(|remark| with_code(remark)));
+        let below = subtitle(&self.subtitle) + &facts(&self.facts) + &remarks;
+        let tables: String = self.tables.iter().map(section).collect();
         let plates: String = self.plates.iter().map(Plate::section).collect();
-        let script = if plates.is_empty() { "" } else { save_script() };
-        document(&self.title, &(header + &tables + &plates), script)
+        let script = if plates.is_empty() { "" } else { SAVE };
+        document(&self.title, &[header(&self.title, &below), tables, plates].concat(), script)
     }
 
     /// Every figure, standing alone.
     ///
     /// # Errors
     ///
-    /// [`ReportError::Drawing`].
-    pub fn figures(&self) -> Result<Vec<Figure>, ReportError> {
-        let figures = self.plates.iter().map(Plate::figure).collect::<Result<_, _>>();
-        figures.map_err(ReportError::Drawing)
+    /// A text about the first that cannot be drawn.
+    pub fn figures(&self) -> Result<Vec<Figure>, String> {
+        self.plates.iter().map(Plate::figure).collect()
     }
 }
 
-fn table(table: &FigureTable) -> String {
+fn section(table: &FigureTable) -> String {
     let title = escape(&table.title);
-    let head = |head: &String| format!("<th scope=\"col\">{}</th>", escape(head));
-    let heads: String = table.heads.iter().map(head).collect();
-    let rows: String = table.rows.iter().map(|r| row(r, &table.heads)).collect();
+    let rows: String = table.rows.iter().map(|line| table_row(line, &table.heads)).collect();
     format!(
-        "<section><h2>{title}</h2><p class=\"lead\">{}</p><div class=\"scroll\" tabindex=\"0\" \
-         role=\"region\" aria-label=\"{title}\"><table class=\"figures\"><thead><tr>{heads}</tr>\
-         </thead><tbody>{rows}</tbody></table></div></section>\n",
-        escape(&table.lead)
+        "<section><h2>{title}</h2><p class=\"lead\">{}</p>{}</section>\n",
+        escape(&table.lead),
+        page::table("figures", &title, table.heads.iter().map(|head| escape(head)), &rows)
     )
 }
 
-fn row(row: &FigureRow, heads: &[String]) -> String {
-    let class = if row.strong { " class=\"row-tuned\"" } else { "" };
-    let cells: String = row.cells.iter().zip(&heads[1.min(heads.len())..]).map(cell).collect();
-    format!("<tr{class}><th scope=\"row\">{}</th>{cells}</tr>", escape(&row.name))
+fn table_row(line: &FigureRow, heads: &[String]) -> String {
+    let row = row(&line.name, line.cells.iter().zip(&heads[1.min(heads.len())..]).map(cell));
+    if line.strong { row.replacen("<tr", "<tr class=\"row-tuned\"", 1) } else { row }
 }
 
 /// A cell that repeats its column's name: on a narrow page a row becomes a card.

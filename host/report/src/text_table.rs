@@ -1,40 +1,6 @@
 //! Tables as text: errors of pairs as CSV, rows in aligned columns.
 
-use serde::Serialize;
-
-use echoloop_closed_loop::evaluation::objective::PairError;
 use echoloop_closed_loop::evaluation::summary::Summary;
-
-#[derive(Serialize)]
-struct Row<'a> {
-    set: &'a str,
-    pair: usize,
-    translation_m: f64,
-    rotation_deg: f64,
-    frobenius: f64,
-    target_points: usize,
-    source_points: usize,
-    iterations: usize,
-    stop: &'a str,
-}
-
-impl<'a> Row<'a> {
-    fn new(set: &'a str, error: &'a PairError) -> Self {
-        let PairError { pair, translation_m, rotation_deg, frobenius, points, stop, iterations } =
-            error;
-        Self {
-            set,
-            pair: *pair,
-            translation_m: *translation_m,
-            rotation_deg: *rotation_deg,
-            frobenius: *frobenius,
-            target_points: points[0],
-            source_points: points[1],
-            iterations: *iterations,
-            stop,
-        }
-    }
-}
 
 /// CSV of named sets, a row for each pair; numbers read back as they are.
 ///
@@ -45,9 +11,21 @@ pub fn pair_errors_csv<'a>(
     sets: impl IntoIterator<Item = (&'a str, &'a Summary)>,
 ) -> Result<String, csv::Error> {
     let mut table = csv::Writer::from_writer(Vec::new());
+    table.write_record([
+        "set",
+        "pair",
+        "translation_m",
+        "rotation_deg",
+        "frobenius",
+        "target_points",
+        "source_points",
+        "iterations",
+        "stop",
+    ])?;
     for (set, summary) in sets {
-        for error in &summary.errors {
-            table.serialize(Row::new(set, error))?;
+        for e in &summary.errors {
+            let numbers = (e.pair, e.translation_m, e.rotation_deg, e.frobenius);
+            table.serialize((set, numbers, e.points, e.iterations, &e.stop))?;
         }
     }
     finished(table)

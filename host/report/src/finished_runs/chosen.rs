@@ -14,18 +14,20 @@ pub(crate) fn explained(
     generations: &[Generation],
 ) -> Vec<String> {
     let Some(last) = generations.last() else { return Vec::new() };
-    let outside: Vec<String> =
-        axes.iter().enumerate().filter_map(|(i, axis)| outside(result, axis, i, last)).collect();
-    if outside.is_empty() {
-        return Vec::new();
+    let outside = |(number, axis)| outside(result, axis, number, last);
+    let mut sentences: Vec<String> = axes.iter().enumerate().filter_map(outside).collect();
+    if !sentences.is_empty() {
+        let summary = format!(
+            "Chosen outside the search’s last band: {} of {} parameters, for the choice is {}, \
+             which won the race on the training pairs, where what the search had passed runs as \
+             well as where it ended.",
+            sentences.len(),
+            axes.len(),
+            origin(&result.origin, last)
+        );
+        sentences.insert(0, summary);
     }
-    let from = format!(
-        "Chosen outside the search’s last band: {} of {} parameters, for {}.",
-        outside.len(),
-        axes.len(),
-        origin(result, last)
-    );
-    [from].into_iter().chain(outside).collect()
+    sentences
 }
 
 /// A sentence about a value outside the last generation's mean ± one standard deviation. `None` for
@@ -57,29 +59,20 @@ fn outside(
     })
 }
 
-/// Origin of the chosen parameters in words, with the reason why the band may not hold them.
-fn origin(result: &RunResult, last: &Generation) -> String {
-    let raced = "won the race on the training pairs, where what the search had passed runs as well \
-                 as where it ended";
-    let written = &result.origin;
+/// Origin of the chosen parameters in words.
+fn origin(written: &str, last: &Generation) -> String {
     match Origin::read(written) {
-        Some(Origin::Start) => format!("the choice is the start itself, which {raced}"),
-        Some(Origin::WarmStart(_)) => {
-            format!("the choice is what was tuned elsewhere ({written}), which {raced}")
-        }
-        Some(Origin::Mean { .. }) => {
-            format!("the choice is the mean of an earlier search ({written}), which {raced}")
-        }
+        Some(Origin::Start) => "the start itself".to_owned(),
+        Some(Origin::WarmStart(_)) => format!("what was tuned elsewhere ({written})"),
+        Some(Origin::Mean { .. }) => format!("the mean of an earlier search ({written})"),
         Some(Origin::Candidate { generation, .. }) if generation < last.generation => format!(
-            "the choice is an early candidate ({written}; the search went on to generation {}), \
-             which {raced}",
+            "an early candidate ({written}; the search went on to generation {})",
             last.generation
         ),
-        Some(Origin::Candidate { .. }) => format!(
-            "the choice is a single candidate ({written}), drawn from the band but not bound to \
-             it, which {raced}"
-        ),
-        None => format!("the choice is {written}, which {raced}"),
+        Some(Origin::Candidate { .. }) => {
+            format!("a single candidate ({written}), drawn from the band but not bound to it")
+        }
+        None => written.to_owned(),
     }
 }
 

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 use super::folder::FinishedRun;
+use crate::format::choice;
 use echoloop_closed_loop::cost::ScanCost;
 use echoloop_closed_loop::evaluation::gain::{Difference, Estimate, Figures};
-use echoloop_closed_loop::parameters::{choices, written};
+use echoloop_closed_loop::parameters::written;
 
 /// Several runs, compared with the first.
 #[derive(Clone, Debug, Serialize)]
@@ -17,10 +18,13 @@ pub struct Compared {
     /// The runs, in the order given.
     pub runs: Vec<ComparedRun>,
     /// Settings that differ: a value for each run, `None` where a run has none.
-    pub settings: BTreeMap<String, Vec<Option<String>>>,
+    pub settings: Differing,
     /// Tuned parameters that differ, likewise.
-    pub parameters: BTreeMap<String, Vec<Option<String>>>,
+    pub parameters: Differing,
 }
+
+/// Names, with a value for each run.
+pub type Differing = BTreeMap<String, Vec<Option<String>>>;
 
 /// One of the runs.
 #[derive(Clone, Debug, Serialize)]
@@ -48,24 +52,18 @@ pub struct ComparedRun {
 }
 
 /// Difference of a run from the first.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
+#[serde(untagged)]
 pub enum Against {
     /// The first run itself.
     Itself,
     /// Differences pair by pair, on the same held-out pairs.
     Paired(Box<Figures<Difference>>),
-    /// The held-out pairs differ; the text says in what.
-    OtherPairs(String),
-}
-
-impl Serialize for Against {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Itself => serializer.serialize_none(),
-            Self::Paired(differences) => differences.serialize(serializer),
-            Self::OtherPairs(why) => serializer.collect_map([("other_pairs", why.as_str())]),
-        }
-    }
+    /// The held-out pairs differ.
+    OtherPairs {
+        /// In what they differ.
+        other_pairs: String,
+    },
 }
 
 /// Compares runs with the first.
@@ -84,7 +82,7 @@ fn compared_run(run: &FinishedRun, first: &FinishedRun, number: usize) -> Compar
     let (result, data) = (&run.result, &run.config.data);
     let against_first = match (number, other_pairs(run, first)) {
         (0, _) => Against::Itself,
-        (_, Some(why)) => Against::OtherPairs(why),
+        (_, Some(other_pairs)) => Against::OtherPairs { other_pairs },
         (_, None) => Against::Paired(Box::new(Figures::between(
             &first.result.tuned_summary,
             &result.tuned_summary,
@@ -114,12 +112,12 @@ fn other_pairs(run: &FinishedRun, first: &FinishedRun) -> Option<String> {
         of_pairs && key != "data.train_baseline_factor"
     };
     let keys = own.keys().chain(theirs.keys()).filter(|key| decides(key));
-    let value = |table: &Settings, key: &str| {
-        table.get(key).map_or_else(|| "not set".to_owned(), ToOwned::to_owned)
-    };
-    let differs = keys.map(|key| (key, value(&own, key), value(&theirs, key)));
-    if let Some((key, own, theirs)) = { differs }.find(|(_, own, theirs)| own != theirs) {
-        return Some(format!("{key} is {own} here and {theirs} in the first"));
+    let value = |of: Option<&String>| of.map_or("not set", String::as_str).to_owned();
+    for key in keys {
+        let (own, theirs) = (value(own.get(key)), value(theirs.get(key)));
+        if own != theirs {
+            return Some(format!("{key} is {own} here and {theirs} in the first"));
+        }
     }
     let pairs = |run: &FinishedRun| {
         run.result.tuned_summary.errors.iter().map(|error| error.pair).collect::<Vec<_>>()
@@ -134,7 +132,7 @@ fn other_pairs(run: &FinishedRun, first: &FinishedRun) -> Option<String> {
 }
 
 /// Keys, with the section before the dot, and their values.
-pub(super) type Settings = BTreeMap<String, String>;
+type Settings = BTreeMap<String, String>;
 
 fn settings(run: &FinishedRun) -> Settings {
     let table: toml::Table = run.config_text.parse().unwrap_or_default();
@@ -157,15 +155,15 @@ pub fn flatten(section: &str, table: &toml::Table, settings: &mut Settings) {
 
 /// The tuned parameters as text, rounded as in files; a choice by its name.
 fn parameters(run: &FinishedRun) -> Settings {
-    let text = |name: &String, value: f64| match choices(name).get(value as usize) {
-        Some(choice) => (*choice).to_owned(),
+    let text = |name: &String, value: f64| match choice(name, value) {
+        Some(choice) => choice.to_owned(),
         None => serde_json::to_string(&written(name, value)).unwrap_or_default(),
     };
     run.result.tuned.iter().map(|(name, value)| (name.clone(), text(name, *value))).collect()
 }
 
 /// Settings whose values differ between the tables.
-fn differing(tables: &[Settings]) -> BTreeMap<String, Vec<Option<String>>> {
+fn differing(tables: &[Settings]) -> Differing {
     let names = tables.iter().flat_map(BTreeMap::keys);
     let all = names.map(|name| {
         let values = tables.iter().map(|table| table.get(name).cloned()).collect::<Vec<_>>();
@@ -176,25 +174,14 @@ fn differing(tables: &[Settings]) -> BTreeMap<String, Vec<Option<String>>> {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
-    use crate::finished_runs::tests::result;
-    use echoloop_closed_loop::config::RunConfig;
-    use echoloop_closed_loop::run_folder::provenance::About;
+    use crate::finished_runs::tests::{finished_run, result};
+    use echoloop_closed_loop::run_folder::run::RunResult;
 
     fn run(seed: u64, power: f64) -> FinishedRun {
-        let config = RunConfig { seed, ..RunConfig::default() };
-        let config_text = toml::to_string(&config).unwrap();
         let tuned = [("lidar.denoise", 1.0), ("lidar.power", power)];
         let tuned = tuned.map(|(name, value)| (name.to_owned(), value)).into();
-        FinishedRun {
-            path: Path::new("runs").join(seed.to_string()),
-            config: toml::from_str(&config_text).unwrap(),
-            config_text,
-            about: About::default(),
-            result: result("start", tuned),
-        }
+        finished_run(RunResult { seed, ..result("start", tuned) })
     }
 
     #[test]
@@ -230,9 +217,10 @@ mod tests {
         let compared = compared(&[run(1, 40.0), run(2, 75.0), fewer, better]);
         let against = |i: usize| compared.runs[i].against_first.clone();
         assert!(matches!(against(0), Against::Itself));
-        assert!(matches!(against(1), Against::OtherPairs(why)
-            if why == "seed is 2 here and 1 in the first"));
-        assert!(matches!(against(2), Against::OtherPairs(why) if why.contains("other pairs")));
+        assert!(matches!(against(1), Against::OtherPairs { other_pairs }
+            if other_pairs == "seed is 2 here and 1 in the first"));
+        assert!(matches!(against(2), Against::OtherPairs { other_pairs }
+            if other_pairs.contains("other pairs")));
         let Against::Paired(differences) = against(3) else { panic!("{:?}", against(3)) };
         assert!(differences.mean_translation_m.is_shown && !differences.recall_pct.is_shown);
         let json = serde_json::to_value(&compared).unwrap();

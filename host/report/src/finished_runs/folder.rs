@@ -1,5 +1,6 @@
 //! Reader of a run's folder.
 
+use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -10,9 +11,8 @@ use serde_json::Value;
 use thiserror::Error;
 
 use echoloop_closed_loop::config::{DataConfig, RegistrationConfig, TuneConfig};
-use echoloop_closed_loop::evaluation::objective::PairError;
-use echoloop_closed_loop::run_folder::files::FileError;
-use echoloop_closed_loop::run_folder::journal::{Generation, Header, Journal, JournalError};
+use echoloop_closed_loop::evaluation::summary::Summary;
+use echoloop_closed_loop::run_folder::journal::{Generation, Header, Journal};
 use echoloop_closed_loop::run_folder::provenance::About;
 use echoloop_closed_loop::run_folder::run::{
     AFTER, AxisRecord, BEFORE, Background, CONFIG, HISTORY, RESULT, RESULT_FORMAT, RunResult,
@@ -24,23 +24,6 @@ const MOST_RESULT: u64 = 64 << 20;
 /// Reason why a run cannot be read.
 #[derive(Debug, Error)]
 pub enum RunError {
-    /// A file cannot be read.
-    #[error("{}: {what}", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// Reason.
-        what: String,
-    },
-    /// The provenance cannot be read.
-    #[error(transparent)]
-    About(#[from] FileError),
-    /// The journal cannot be read.
-    #[error(transparent)]
-    Journal(#[from] JournalError),
-    /// A cloud cannot be read.
-    #[error(transparent)]
-    Cloud(#[from] CloudError),
     /// The folder holds no result.
     #[error(
         "{}: no {RESULT} there, so this is no run that came to its end (one that was interrupted \
@@ -51,30 +34,17 @@ pub enum RunError {
         /// The folder.
         path: PathBuf,
     },
-    /// Journal and result differ in length.
-    #[error(
-        "{}: its journal is not as long as its {RESULT} says: it was extended and interrupted, and \
-         goes on with `echoloop tune --resume`",
-        path.display()
-    )]
-    GoesOn {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// The result is of an earlier version, which kept no background.
-    #[error(
-        "{}: it keeps no background: an earlier version wrote it, and what its page needs is lost; \
-         `echoloop tune --config` with the run's config.toml makes it anew",
-        path.display()
-    )]
-    Earlier {
-        /// The result.
-        path: PathBuf,
-    },
+    /// A file cannot be read or contradicts another.
+    #[error("{0}")]
+    File(String),
 }
 
-fn file_fault(path: &Path, what: impl ToString) -> RunError {
-    RunError::File { path: path.to_owned(), what: what.to_string() }
+fn file_fault(path: &Path, what: impl Display) -> RunError {
+    RunError::File(format!("{}: {what}", path.display()))
+}
+
+fn fault(error: impl Display) -> RunError {
+    RunError::File(error.to_string())
 }
 
 /// Keys of a configuration that the page reads. It shows the others as text.
@@ -122,7 +92,7 @@ impl FinishedRun {
             read_text(&config_path, MOST_TEXT).map_err(|e| file_fault(&config_path, e))?;
         let config = toml::from_str(&config_text)
             .map_err(|error| file_fault(&config_path, shown(&error.to_string())))?;
-        let about = About::read(path)?;
+        let about = About::read(path).map_err(fault)?;
         Ok(Self { path: path.to_owned(), config_text, config, about, result })
     }
 
@@ -130,12 +100,18 @@ impl FinishedRun {
     ///
     /// # Errors
     ///
-    /// [`RunError::Journal`]; [`RunError::GoesOn`] when it is longer than the result says.
+    /// [`RunError::File`]; also when it is longer than the result says.
     pub fn journal(&self) -> Result<(Header, Vec<Generation>), RunError> {
-        let (header, generations) = Journal::read(&self.path.join(HISTORY))?;
+        let (header, generations) = Journal::read(&self.path.join(HISTORY)).map_err(fault)?;
         match generations.len() == self.result.generations {
             true => Ok((header, generations)),
-            false => Err(RunError::GoesOn { path: self.path.clone() }),
+            false => Err(file_fault(
+                &self.path,
+                format_args!(
+                    "its journal is not as long as its {RESULT} says: it was extended and \
+                     interrupted, and goes on with `echoloop tune --resume`"
+                ),
+            )),
         }
     }
 
@@ -143,23 +119,28 @@ impl FinishedRun {
     ///
     /// # Errors
     ///
-    /// [`RunError::Earlier`]; [`RunError::File`] of an impossible axis.
+    /// [`RunError::File`] of a result of an earlier version, which kept none, or of an impossible
+    /// axis.
     pub fn background(&self) -> Result<&Background, RunError> {
-        let path = self.path.join(RESULT);
         let background = self.result.background.as_ref();
-        let background = background.ok_or_else(|| RunError::Earlier { path: path.clone() })?;
+        let background = background.ok_or_else(|| {
+            self.fault(
+                "it keeps no background: an earlier version wrote it, and what its page needs is \
+                 lost; `echoloop tune --config` with the run's config.toml makes it anew",
+            )
+        })?;
+        // An axis has two ends and not too many values for memory.
+        let is_possible = |axis: &&AxisRecord| axis.min < axis.max && axis.max - axis.min < 1e9;
         match background.axes.iter().find(|axis| !is_possible(axis)) {
-            Some(AxisRecord { name, min, max, .. }) => Err(file_fault(
-                &path,
-                format_args!("background.axes: {} goes from {min} to {max}", shown(name)),
-            )),
+            Some(AxisRecord { name, min, max, .. }) => Err(self
+                .fault(format_args!("background.axes: {} goes from {min} to {max}", shown(name)))),
             None => Ok(background),
         }
     }
 
-    /// Index of the held-out pair to show: the one the default parameters did worst on.
-    pub fn shown_pair(&self) -> usize {
-        self.result.shown_pair()
+    /// Fault of the result.
+    pub(crate) fn fault(&self, what: impl Display) -> RunError {
+        file_fault(&self.path.join(RESULT), what)
     }
 
     /// Target and source of the shown pair, both in the target's frame: with the default, then with
@@ -170,20 +151,13 @@ impl FinishedRun {
     /// [`RunError::File`].
     pub fn clouds(&self) -> Result<[[Cloud; 2]; 2], RunError> {
         let RunResult { default_summary, tuned_summary, .. } = &self.result;
-        let points = |errors: &[PairError]| {
-            let shown = errors.iter().find(|error| error.pair == self.shown_pair());
-            shown.map_or([0; 2], |error| error.points)
+        let scans = |file: &str, summary: &Summary| {
+            let pair = self.result.shown_pair();
+            let shown = summary.errors.iter().find(|error| error.pair == pair);
+            two_scans(&self.path.join(file), shown.map_or([0; 2], |error| error.points))
         };
-        Ok([
-            two_scans(&self.path.join(BEFORE), points(&default_summary.errors))?,
-            two_scans(&self.path.join(AFTER), points(&tuned_summary.errors))?,
-        ])
+        Ok([scans(BEFORE, default_summary)?, scans(AFTER, tuned_summary)?])
     }
-}
-
-/// True when an axis has two ends and not too many values for memory.
-fn is_possible(axis: &AxisRecord) -> bool {
-    axis.min < axis.max && axis.max - axis.min < 1e9
 }
 
 fn result(folder: &Path) -> Result<RunResult, RunError> {
@@ -210,7 +184,7 @@ fn result(folder: &Path) -> Result<RunResult, RunError> {
 fn two_scans(path: &Path, points: [usize; 2]) -> Result<[Cloud; 2], RunError> {
     let (both, dropped) = match read_cloud(path) {
         Err(CloudError::Empty { dropped, .. }) => (Cloud::default(), dropped),
-        read => read?,
+        read => read.map_err(fault)?,
     };
     let (found, expected) =
         (both.points.len() + dropped.total(), points[0].saturating_add(points[1]));

@@ -16,9 +16,9 @@ use std::ops::Range;
 use echoloop_random::Generator;
 
 use super::surrogate::{Kind, Sample, Surrogate, centred};
-use crate::{Bar, Slice};
+use crate::{Bar, Importance, Slice, SlicePoint};
 use echoloop_closed_loop::evaluation::gain::Estimate;
-use echoloop_closed_loop::parameters::{Scale, Values, choices, effective};
+use echoloop_closed_loop::parameters::{Values, choices, effective};
 use echoloop_closed_loop::run_folder::journal::Generation;
 use echoloop_closed_loop::run_folder::run::AxisRecord;
 use echoloop_statistics::bootstrap;
@@ -44,21 +44,6 @@ const MOST_DOTS: usize = 150;
 /// "deal" as a number: keeps these draws apart from those of other uses.
 const PURPOSE: u64 = 0x6465_616c;
 
-/// Importance of all axes.
-#[derive(Clone, Debug)]
-pub(crate) struct Measured {
-    /// Candidates that the surface was fitted to.
-    pub(crate) candidates: usize,
-    /// Their generations.
-    pub(crate) generations: usize,
-    /// Share of the variation within generations that is predicted for unseen candidates.
-    pub(crate) predicted: Estimate,
-    /// The axes that moved in enough generations, most important first.
-    pub(crate) bars: Vec<Bar>,
-    /// Slices along the most important axes, through the chosen point.
-    pub(crate) slices: Vec<Slice>,
-}
-
 /// Importance of the axes of a journal, with slices through the chosen values.
 ///
 /// # Errors
@@ -68,7 +53,7 @@ pub(crate) fn measured(
     generations: &[Generation],
     axes: &[AxisRecord],
     chosen: &Values,
-) -> Result<Measured, String> {
+) -> Result<Importance, String> {
     let samples = samples(generations, axes);
     let groups = samples.last().map_or(0, |last| last.group + 1);
     if groups < FEWEST_GENERATIONS || samples.len() < FEWEST_AN_AXIS * axes.len() {
@@ -100,13 +85,32 @@ pub(crate) fn measured(
     let mut bars: Vec<(usize, Bar)> = (0..axes.len()).filter_map(bar).collect();
     bars.sort_by(|(_, a), (_, b)| b.share.value.total_cmp(&a.share.value));
     let significant = bars.iter().filter(|(_, bar)| bar.is_shown()).take(MOST_SLICES);
-    Ok(Measured {
-        candidates: samples.len(),
-        generations: groups,
-        predicted,
+    Ok(Importance {
+        verdict: verdict(samples.len(), groups, predicted, axes.len() - bars.len()),
         slices: significant.map(|(axis, _)| study.slice(*axis, chosen)).collect(),
         bars: bars.into_iter().map(|(_, bar)| bar).collect(),
+        chosen: Vec::new(),
     })
+}
+
+/// `left_out` is the number of parameters without a bar.
+fn verdict(candidates: usize, generations: usize, predicted: Estimate, left_out: usize) -> String {
+    let [low, high] = predicted.interval.map(|end| 100.0 * end);
+    let left_out = match left_out {
+        0 => String::new(),
+        1 => " One parameter moved in too few generations to be told.".to_owned(),
+        count => format!(" {count} parameters moved in too few generations to be told."),
+    };
+    format!(
+        "A response surface of second order, fitted to all {candidates} candidates within their \
+         {generations} generations, predicts {:.0}\u{a0}% (95\u{a0}% interval {low:.0} to \
+         {high:.0}) of how ln fitness varies among candidates that it has not seen. Importance is \
+         the parameter’s share of that variation: half of what the squared error of those \
+         predictions grows by when its values are dealt anew among the candidates of a generation \
+         (Breiman 2001; Wei, Lu and Song 2015), with a bootstrap over generations. Blue: more than \
+         chance. It holds where the search looked, not for the whole range.{left_out}",
+        100.0 * predicted.value
+    )
 }
 
 fn kind(axis: &AxisRecord) -> Kind {
@@ -247,17 +251,14 @@ impl Study<'_> {
         let Surrogate { basis, whole, .. } = &self.surrogate;
         let part = |point: &[f64]| basis.part(&whole.weights, number, point);
         let base = part(&chosen);
-        let (mut at, mut ratio, mut low, mut high) = (vec![], vec![], vec![], vec![]);
         let scatter = self.surrogate.scatter();
-        for u in places(axis.cells()) {
+        let points = places(axis.cells()).into_iter().map(|u| {
             let point = with(u);
             let step = part(&point) - base;
             let spread = 1.96 * whole.spread(basis, number, [&point, &chosen], scatter);
-            at.push(axis.from_cube(u));
-            ratio.push(libm::exp(step));
-            low.push(libm::exp(step - spread));
-            high.push(libm::exp(step + spread));
-        }
+            let band = [step - spread, step + spread].map(libm::exp);
+            SlicePoint { at: axis.from_cube(u), ratio: libm::exp(step), band }
+        });
         let moved: Vec<usize> = self.moved(number);
         let shown: Vec<usize> =
             moved.iter().flat_map(|&group| self.surrogate.groups[group].clone()).collect();
@@ -268,13 +269,8 @@ impl Study<'_> {
             [axis.from_cube(u), libm::exp(step)]
         });
         Slice {
-            name: record.name.clone(),
-            unit: record.unit.clone(),
-            log: record.scale == Scale::Log,
-            choices: choices(&record.name),
-            at,
-            ratio,
-            band: [low, high],
+            axis: record.clone(),
+            points: points.collect(),
             dots: dots.collect(),
             chosen: effective(values, &record.name).unwrap_or(f64::NAN),
         }
@@ -294,6 +290,7 @@ fn places(cells: Option<usize>) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use echoloop_closed_loop::parameters::Scale;
     use echoloop_closed_loop::run_folder::journal::CandidateRecord;
 
     fn axes() -> Vec<AxisRecord> {
@@ -352,29 +349,34 @@ mod tests {
 
     #[test]
     fn bars_are_in_order_of_importance_and_those_of_idle_axes_are_not_significant() {
-        let measured = measured(&generations(40, 1.0, 0.2), &axes(), &chosen()).unwrap();
-        let Measured { candidates, generations, predicted, bars, slices } = measured;
-        assert_eq!([candidates, generations], [400, 40]);
-        assert!(predicted.interval[0] > 0.6, "{predicted:?}");
+        let Importance { verdict, bars, slices, .. } =
+            measured(&generations(40, 1.0, 0.2), &axes(), &chosen()).unwrap();
+        assert!(verdict.contains("all 400 candidates within their 40 generations"), "{verdict}");
+        let low = verdict.split_once("interval ").and_then(|(_, low)| low.get(..2)?.parse().ok());
+        assert!(low.is_some_and(|low: u32| low > 60), "{verdict}");
+        assert!(verdict.ends_with("One parameter moved in too few generations to be told."));
         let order: Vec<&str> = bars.iter().map(|bar| bar.name.as_str()).collect();
         assert_eq!(order, ["a", "b", "c"], "and no bar of d, which never moved");
         let shares: Vec<Estimate> = bars.iter().map(|bar| bar.share).collect();
         assert!(shares[0].value > 5.0 * shares[1].value && bars[1].is_shown(), "{bars:?}");
         assert!(!bars[2].is_shown() && shares[2].value.abs() < 0.02, "{bars:?}");
-        let drawn: Vec<&str> = slices.iter().map(|slice| slice.name.as_str()).collect();
+        let drawn: Vec<&str> = slices.iter().map(|slice| slice.axis.name.as_str()).collect();
         assert_eq!(drawn, ["a", "b"]);
     }
 
     #[test]
     fn a_slice_goes_through_the_chosen_point_and_its_band_holds_the_truth() {
         let slices = measured(&generations(40, 1.0, 0.2), &axes(), &chosen()).unwrap().slices;
-        let Slice { at, ratio, band, dots, .. } = &slices[0];
-        let near =
-            |x: f64| (0..at.len()).min_by(|&i, &j| (at[i] - x).abs().total_cmp(&(at[j] - x).abs()));
-        let (here, there) = (near(3.0).expect("a place"), near(10.0).expect("a place"));
-        assert!((ratio[here] - 1.0).abs() < 0.02 && band[1][here] - band[0][here] < 0.05);
+        let Slice { points, dots, .. } = &slices[0];
+        let near = |x: f64| {
+            let off = |point: &&SlicePoint| (point.at - x).abs();
+            points.iter().min_by(|a, b| off(a).total_cmp(&off(b))).expect("a place")
+        };
+        let (here, there) = (near(3.0), near(10.0));
+        assert!((here.ratio - 1.0).abs() < 0.02 && here.band[1] - here.band[0] < 0.05);
         let truth = libm::exp(4.0 * 0.49);
-        assert!(band[0][there] < truth && truth < band[1][there], "{truth}: {}", ratio[there]);
+        let [low, high] = there.band;
+        assert!(low < truth && truth < high, "{truth}: {}", there.ratio);
         assert!(dots.len() > 100 && dots.len() <= MOST_DOTS);
     }
 

@@ -1,7 +1,7 @@
 //! Finished runs, read from their folders alone: no sensor, no scan.
 //!
-//! [`FinishedRun::read`] reads a run's folder, [`page`] makes its page, and [`compared`] puts
-//! several runs side by side.
+//! [`FinishedRun::read`] reads a run's folder, [`Report::of`](crate::Report::of) what its page
+//! shows, and [`compared`] puts several runs side by side.
 
 pub(crate) mod chosen;
 mod compared;
@@ -12,23 +12,36 @@ mod result_text;
 mod runs_page;
 mod surrogate;
 
-pub use crate::sections::{costs, judged, page};
-pub use compared::{Against, Compared, ComparedRun, compared, flatten};
+pub use crate::sections::{costs, judged};
+pub use compared::{Against, Compared, ComparedRun, Differing, compared, flatten};
 pub use folder::{FinishedRun, Known, RunError};
 pub use result_text::result_text;
-pub use runs_page::runs_page;
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
+    use std::path::PathBuf;
+
+    use super::FinishedRun;
     use echoloop_closed_loop::config::DataConfig;
+    use echoloop_closed_loop::config::RunConfig;
     use echoloop_closed_loop::evaluation::compare::Comparison;
     use echoloop_closed_loop::evaluation::objective::PairError;
     use echoloop_closed_loop::evaluation::summary::Summary;
     use echoloop_closed_loop::parameters::Values;
+    use echoloop_closed_loop::run_folder::provenance::About;
     use echoloop_closed_loop::run_folder::run::RunResult;
 
+    /// A run of the default configuration with the result's seed.
+    pub(crate) fn finished_run(result: RunResult) -> FinishedRun {
+        let config = RunConfig { seed: result.seed, ..RunConfig::default() };
+        let config_text = toml::to_string(&config).unwrap();
+        let config = toml::from_str(&config_text).unwrap();
+        let about = About::default();
+        FinishedRun { path: PathBuf::from("run"), config_text, config, about, result }
+    }
+
     /// A result with arbitrary figures.
-    pub(super) fn result(origin: &str, tuned: Values) -> RunResult {
+    pub(crate) fn result(origin: &str, tuned: Values) -> RunResult {
         let error = |pair| PairError {
             pair,
             translation_m: 0.1,

@@ -1,13 +1,17 @@
 //! Result of a run as text: default against tuned, costs, front, parameters.
 
+use std::array::from_fn;
 use std::fmt::Write as _;
 
 use crate::Costs;
+use crate::columns::COLUMNS;
+use crate::format::choice;
 use crate::sections::{costs, judged};
 use echoloop_closed_loop::config::RunConfig;
+use echoloop_closed_loop::cost::CostKind;
 use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::front::{Front, Mark};
-use echoloop_closed_loop::parameters::{self, Axis, Space, effective};
+use echoloop_closed_loop::parameters::{Axis, Space, choices, effective};
 use echoloop_closed_loop::run_folder::run::RunResult;
 
 /// The tables that `tune` ends with.
@@ -22,13 +26,10 @@ pub fn result_text(config: &RunConfig, result: &RunResult, space: &Space) -> Str
         data.success_translation_m,
         data.success_rotation_deg
     );
-    let _ = writeln!(
-        text,
-        "{:<10} {:>9} {:>12} {:>11} {:>12} {:>12} {:>8}",
-        "", "recall", "mean e_t", "mean e_R", "median e_t", "median e_R", "points"
-    );
+    text += &summary_line("", COLUMNS.each_ref().map(|column| column.symbol.into()), "points");
     for (_, name, summary) in judged(result) {
-        let _ = writeln!(text, "{name:<10} {}", row(summary));
+        let points = format!("{:.0}", summary.mean_points);
+        text += &summary_line(&name, figures(summary), &points);
     }
     text += &costs_text(&costs(result, config.tune.told_cost()));
     if let Some(check) = &result.check {
@@ -62,84 +63,79 @@ fn parameters(result: &RunResult, space: &Space) -> String {
     std::iter::once(head).chain(lines).collect::<Vec<_>>().join("\n")
 }
 
-/// Costs of a scan before and after, and the verdict.
+/// Costs of a scan before and after, and the verdict; of unknown costs blank lines.
 fn costs_text(costs: &Costs) -> String {
-    let line = |name: &str, cells: &[String]| {
+    let line = |name: &str, cells: &[&str]| {
         let cells: String = cells.iter().map(|cell| format!(" {cell:>24}")).collect();
         format!("{name:<10}{cells}\n")
     };
-    let rows: String = costs.rows.iter().map(|(name, cells)| line(name, cells)).collect();
-    format!("\n{}{rows}{}\n", line("", &costs.heads), costs.verdict)
+    let heads = CostKind::ALL.map(CostKind::title);
+    let head = line("", if costs.rows.is_empty() { &[] } else { &heads });
+    let row =
+        |(name, cells): &(String, [String; 4])| line(name, &cells.each_ref().map(String::as_str));
+    let rows: String = costs.rows.iter().map(row).collect();
+    format!("\n{head}{rows}{}\n", costs.verdict)
 }
 
 /// Points of a front, and the verdict.
 fn front_text(front: &Front) -> String {
-    let mut text = format!(
-        "\nerror against {}: {} points, chosen on training pairs\n\n\
-         {:<10} {:>12} {:>9} {:>18} {:>9} {:>12}  against default\n",
-        front.cost.name(),
-        front.points.len(),
-        "",
-        front.cost.name(),
-        "error",
-        "95 % interval",
-        "recall",
-        "median e_t"
-    );
+    let (name, points) = (front.cost.name(), front.points.len());
+    let heads = [name, "error", "95 % interval", "recall", "median e_t"].map(str::to_owned);
+    let row = |name: &str, mark: &Mark, against: &str| {
+        let [low, high] = mark.interval;
+        let cells = [
+            front.cost.text(front.cost.of(&mark.cost)),
+            format!("{:.4}", mark.error),
+            format!("{low:.4} to {high:.4}"),
+            format!("{:.1} %", mark.recall_pct),
+            format!("{:.2} cm", 100.0 * mark.median_translation_m),
+        ];
+        mark_line(name, cells, against)
+    };
     let ends = [("default", &front.default), ("tuned", &front.tuned)];
-    for (name, mark) in ends {
-        let _ = writeln!(text, "{}", mark_row(name, front, mark, ""));
-    }
-    for (i, point) in (1..).zip(&front.points) {
-        let against = point.comparison.error();
-        let row = mark_row(&format!("point {i}"), front, &point.mark, against);
-        let _ = writeln!(text, "{row}");
-    }
-    text + &format!(
-        "\nThe cheapest point that errs no more than the default: {}.\n",
+    let ends = ends.into_iter().map(|(name, mark)| row(name, mark, ""));
+    let numbered = (1..)
+        .zip(&front.points)
+        .map(|(i, point)| row(&format!("point {i}"), &point.mark, point.comparison.error()));
+    format!(
+        "\nerror against {name}: {points} points, chosen on training pairs\n\n{}{}\n\
+         The cheapest point that errs no more than the default: {}.\n",
+        mark_line("", heads, "against default"),
+        ends.chain(numbered).collect::<String>(),
         front.verdict()
     )
 }
 
-fn mark_row(name: &str, front: &Front, mark: &Mark, against: &str) -> String {
-    let [low, high] = mark.interval;
-    format!(
-        "{name:<10} {:>12} {:>9.4} {:>18} {:>7.1} % {:>9.2} cm  {against}",
-        front.cost.text(front.cost.of(&mark.cost)),
-        mark.error,
-        format!("{low:.4} to {high:.4}"),
-        mark.recall_pct,
-        100.0 * mark.median_translation_m
-    )
-    .trim_end()
-    .to_owned()
+fn mark_line(name: &str, [cost, error, interval, recall, e_t]: [String; 5], last: &str) -> String {
+    let line =
+        format!("{name:<10} {cost:>12} {error:>9} {interval:>18} {recall:>9} {e_t:>12}  {last}");
+    line.trim_end().to_owned() + "\n"
 }
 
 /// A value: a choice by name, a number so that it reads back as itself.
 fn shown(name: &str, value: Option<f64>) -> String {
     let Some(value) = value else { return "–".into() };
-    let choice = parameters::choices(name).get(value as usize);
-    choice.map_or_else(|| value.to_string(), |&choice| choice.to_owned())
+    choice(name, value).map_or_else(|| value.to_string(), str::to_owned)
 }
 
 fn range(axis: &Axis) -> String {
-    match parameters::choices(axis.name) {
+    match choices(axis.name) {
         [] => format!("{} to {}", axis.min, axis.max),
         names => names.join(", "),
     }
 }
 
-fn row(summary: &Summary) -> String {
-    let centimetres =
-        |m: Option<f64>| m.map_or_else(|| "–".into(), |m| format!("{:.2} cm", 100.0 * m));
-    let degrees = |d: Option<f64>| d.map_or_else(|| "–".into(), |d| format!("{d:.3}°"));
-    format!(
-        "{:>7.1} % {:>12} {:>11} {:>12} {:>12} {:>8.0}",
+fn summary_line(name: &str, [recall, e_t, e_r, m_t, m_r]: [String; 5], points: &str) -> String {
+    format!("{name:<10} {recall:>9} {e_t:>12} {e_r:>11} {m_t:>12} {m_r:>12} {points:>8}\n")
+}
+
+fn figures(summary: &Summary) -> [String; 5] {
+    let values = [
         summary.recall_pct,
-        centimetres(summary.mean_translation_m),
-        degrees(summary.mean_rotation_deg),
-        centimetres(Some(summary.median_translation_m)),
-        degrees(Some(summary.median_rotation_deg)),
-        summary.mean_points
-    )
+        summary.mean_translation_m.unwrap_or(f64::NAN),
+        summary.mean_rotation_deg.unwrap_or(f64::NAN),
+        summary.median_translation_m,
+        summary.median_rotation_deg,
+    ];
+    from_fn(|k| COLUMNS[k].number(values[k]))
 }

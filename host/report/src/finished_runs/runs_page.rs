@@ -1,34 +1,53 @@
 //! The page of several runs side by side.
 
-use std::collections::BTreeMap;
+use super::compared::{Against, Compared, ComparedRun, Differing};
+use crate::format::{NONE, escape};
+use crate::page::{self, document, facts, header, notes, row};
+use crate::sections::cost::{self, cells};
+use crate::sections::evaluation;
+use crate::{Costs, EvaluationRow, EvaluationTable, RowKind};
 
-use super::compared::{Against, Compared, ComparedRun};
-use crate::sections::cost::{cells, heads};
-use crate::{Costs, DifferingTable, EvaluationRow, EvaluationTable, RowKind, RunsPage};
+impl Compared {
+    /// The page, complete.
+    pub fn to_html(&self) -> String {
+        let runs = &self.runs;
+        let title = format!("Echoloop: {} runs compared", runs.len());
+        let first = runs.first().map_or("", |run| run.run.as_str());
+        let about: Vec<_> = runs.iter().map(|run| (run.run.clone(), fact(run))).collect();
+        let remarks = notes(runs.iter().filter_map(|run| Some(escape(&remark(run, first)?))));
+        let lead = "Tuned parameters on held-out pairs. Differences are from the first run, pair \
+                    by pair where the pairs are the same.";
+        let rows = runs.iter().map(evaluation_row).collect();
+        let sections = [
+            header(&title, &(facts(&about) + &remarks)),
+            evaluation::table(
+                "Side by side",
+                lead,
+                &EvaluationTable { rows, ..Default::default() },
+            ),
+            cost::section(&costs(runs)),
+            self.differing("Settings that differ", &self.settings),
+            self.differing("Tuned parameters that differ", &self.parameters),
+        ];
+        document(&title, &sections.concat(), "")
+    }
 
-/// The page of compared runs.
-pub fn runs_page(compared: &Compared) -> RunsPage {
-    let runs = &compared.runs;
-    let first = runs.first().map_or("", |run| run.run.as_str());
-    let names: Vec<String> = runs.iter().map(|run| run.run.clone()).collect();
-    let table = |title: &str, values: &BTreeMap<String, Vec<Option<String>>>| DifferingTable {
-        title: title.to_owned(),
-        runs: names.clone(),
-        rows: values.iter().map(|(name, values)| (name.clone(), values.clone())).collect(),
-    };
-    RunsPage {
-        title: format!("Echoloop: {} runs compared", runs.len()),
-        facts: runs.iter().map(|run| (run.run.clone(), fact(run))).collect(),
-        remarks: runs.iter().filter_map(|run| remark(run, first)).collect(),
-        table: EvaluationTable {
-            rows: runs.iter().map(row).collect(),
-            ..EvaluationTable::default()
-        },
-        costs: costs(runs),
-        differing: vec![
-            table("Settings that differ", &compared.settings),
-            table("Tuned parameters that differ", &compared.parameters),
-        ],
+    fn differing(&self, title: &str, values: &Differing) -> String {
+        let table = match values.is_empty() {
+            true => "<p class=\"lead\">None.</p>".to_owned(),
+            false => {
+                let names = self.runs.iter().map(|run| escape(&run.run));
+                let cell = |value: &Option<String>| {
+                    format!("<td>{}</td>", escape(value.as_deref().unwrap_or(NONE)))
+                };
+                let rows: String = values
+                    .iter()
+                    .map(|(name, values)| row(name, values.iter().map(cell)))
+                    .collect();
+                page::table("plain", title, ["name".to_owned()].into_iter().chain(names), &rows)
+            }
+        };
+        format!("<section><h2>{title}</h2>{table}</section>\n")
     }
 }
 
@@ -41,7 +60,7 @@ fn fact(run: &ComparedRun) -> String {
 
 fn remark(run: &ComparedRun, first: &str) -> Option<String> {
     match &run.against_first {
-        Against::OtherPairs(why) => Some(format!(
+        Against::OtherPairs { other_pairs: why } => Some(format!(
             "{} and {first} have other held-out pairs, or count success otherwise ({why}), so no \
              differences are shown.",
             run.run
@@ -50,20 +69,19 @@ fn remark(run: &ComparedRun, first: &str) -> Option<String> {
     }
 }
 
-fn row(run: &ComparedRun) -> EvaluationRow {
+fn evaluation_row(run: &ComparedRun) -> EvaluationRow {
     let (kind, gain) = match &run.against_first {
         Against::Itself => (RowKind::Default, None),
         Against::Paired(gain) => (RowKind::Tuned, Some(**gain)),
-        Against::OtherPairs(_) => (RowKind::Reference, None),
+        Against::OtherPairs { .. } => (RowKind::Reference, None),
     };
-    let (label, pairs, figures) = (run.run.clone(), Some(run.pairs), run.tuned);
+    let (label, pairs, figures) = (run.run.clone(), run.pairs, run.tuned);
     EvaluationRow { label, kind, pairs, figures, gain }
 }
 
 fn costs(runs: &[ComparedRun]) -> Costs {
     let row = |run: &ComparedRun| Some((run.run.clone(), cells(&run.cost?)));
     Costs {
-        heads: heads(),
         rows: runs.iter().filter_map(row).collect(),
         verdict: "Of the tuned parameters, in the mean over scans of the held-out pairs.".into(),
     }

@@ -39,8 +39,6 @@ pub(super) enum Kind {
 pub(super) struct Basis {
     kinds: Vec<Kind>,
     terms: Vec<Term>,
-    /// Indices of the terms that each axis is in.
-    of_axis: Vec<Vec<usize>>,
 }
 
 /// A column: one axis or two.
@@ -70,19 +68,16 @@ impl Basis {
         for (i, &one) in ordered.iter().enumerate() {
             terms.extend(ordered[..i].iter().map(|&other| Term::Both(other, one)));
         }
-        let mut of_axis = vec![Vec::new(); kinds.len()];
-        for (number, term) in terms.iter().enumerate() {
-            match *term {
-                Term::First(axis) | Term::Second(axis) | Term::Name(axis, _) => {
-                    of_axis[axis].push(number)
-                }
-                Term::Both(one, other) => {
-                    of_axis[one].push(number);
-                    of_axis[other].push(number);
-                }
-            }
-        }
-        Self { kinds, terms, of_axis }
+        Self { kinds, terms }
+    }
+
+    /// Indices of the terms that an axis is in.
+    fn of_axis(&self, axis: usize) -> impl Iterator<Item = usize> {
+        let is_in = move |term: &Term| match *term {
+            Term::First(own) | Term::Second(own) | Term::Name(own, _) => own == axis,
+            Term::Both(one, other) => one == axis || other == axis,
+        };
+        (0..self.terms.len()).filter(move |&number| is_in(&self.terms[number]))
     }
 
     fn value(&self, term: usize, point: &[f64]) -> f64 {
@@ -107,13 +102,13 @@ impl Basis {
 
     /// Sum of the terms that an axis is in, at a point.
     pub(super) fn part(&self, weights: &[f64], axis: usize, point: &[f64]) -> f64 {
-        self.of_axis[axis].iter().map(|&term| weights[term] * self.value(term, point)).sum()
+        self.of_axis(axis).map(|term| weights[term] * self.value(term, point)).sum()
     }
 
     /// Difference of each term between two points that differ along one axis.
     fn step(&self, axis: usize, to: &[f64], from: &[f64]) -> Vec<f64> {
         let mut step = vec![0.0; self.terms.len()];
-        for &term in &self.of_axis[axis] {
+        for term in self.of_axis(axis) {
             step[term] = self.value(term, to) - self.value(term, from);
         }
         step
@@ -294,14 +289,12 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// Range of samples of each group.
 fn groups(samples: &[Sample]) -> Vec<Range<usize>> {
-    let mut groups: Vec<Range<usize>> = Vec::new();
-    for (i, sample) in samples.iter().enumerate() {
-        match groups.last_mut() {
-            Some(last) if samples[last.start].group == sample.group => last.end = i + 1,
-            _ => groups.push(i..i + 1),
-        }
-    }
-    groups
+    let mut end = 0;
+    let group = |group: &[Sample]| {
+        end += group.len();
+        end - group.len()..end
+    };
+    samples.chunk_by(|a, b| a.group == b.group).map(group).collect()
 }
 
 /// A row of terms for each sample, minus the mean row of its group.

@@ -4,14 +4,13 @@ use echoloop_closed_loop::cost::{CostKind, ScanCost};
 use echoloop_closed_loop::run_folder::run::RunResult;
 
 use crate::format::escape;
+use crate::page::{figure_cell, row, table};
 
-/// Table of costs as text, a column a cost.
+/// Table of costs as text, with a column for each of [`CostKind::ALL`].
 #[derive(Clone, Debug, Default)]
 pub struct Costs {
-    /// Names of the costs.
-    pub heads: Vec<String>,
     /// Name and cells of each row.
-    pub rows: Vec<(String, Vec<String>)>,
+    pub rows: Vec<(String, [String; 4])>,
     /// A sentence about the difference.
     pub verdict: String,
 }
@@ -19,18 +18,13 @@ pub struct Costs {
 /// Mean costs of the scans of the held-out pairs, with the difference in the cost `told`. Empty
 /// unless both costs are known.
 pub fn costs(result: &RunResult, told: CostKind) -> Costs {
-    let summaries = [("default", &result.default_summary), ("tuned", &result.tuned_summary)];
-    let known: Vec<(&str, &ScanCost)> = summaries
-        .into_iter()
-        .filter_map(|(name, summary)| Some((name, summary.cost.as_ref()?)))
-        .collect();
-    let [(_, before), (_, after)] = known[..] else { return Costs::default() };
+    let [before, after] = [&result.default_summary, &result.tuned_summary].map(|s| s.cost.as_ref());
+    let Some((before, after)) = before.zip(after) else { return Costs::default() };
     let comparison = result.comparison.at_cost(told, before, after);
     let [low, high] = result.comparison.interval;
     let difference = result.comparison.difference;
     Costs {
-        heads: heads(),
-        rows: known.iter().map(|(name, cost)| ((*name).to_owned(), cells(cost))).collect(),
+        rows: vec![("default".into(), cells(before)), ("tuned".into(), cells(after))],
         verdict: format!(
             "Tuned: {comparison}. Its ‖T − T*‖_F is {difference:+.4} from the default's in the \
              mean, {low:+.4} to {high:+.4} with 95 %."
@@ -38,14 +32,9 @@ pub fn costs(result: &RunResult, told: CostKind) -> Costs {
     }
 }
 
-/// Names of all costs.
-pub(crate) fn heads() -> Vec<String> {
-    CostKind::ALL.map(|kind| kind.title().to_owned()).to_vec()
-}
-
-/// A scan's costs as text, in the order of [`heads`].
-pub(crate) fn cells(cost: &ScanCost) -> Vec<String> {
-    CostKind::ALL.map(|kind| kind.text(kind.of(cost))).to_vec()
+/// A scan's costs as text.
+pub(crate) fn cells(cost: &ScanCost) -> [String; 4] {
+    CostKind::ALL.map(|kind| kind.text(kind.of(cost)))
 }
 
 /// The table; empty without rows.
@@ -53,26 +42,14 @@ pub(crate) fn section(costs: &Costs) -> String {
     if costs.rows.is_empty() {
         return String::new();
     }
-    let heads: String =
-        costs.heads.iter().map(|head| format!("<th scope=\"col\">{}</th>", escape(head))).collect();
-    let rows: String =
-        costs.rows.iter().map(|(name, cells)| row(name, &costs.heads, cells)).collect();
+    let titles = CostKind::ALL.map(CostKind::title);
+    let heads = ["Parameters"].into_iter().chain(titles);
+    let rows = costs.rows.iter().map(|(name, cells)| {
+        row(name, titles.iter().zip(cells).map(|(head, cell)| figure_cell(head, cell)))
+    });
     format!(
-        "<section id=\"cost\"><h2>What a scan costs</h2><p class=\"lead\">{}</p>\
-         <div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"Costs\">\
-         <table class=\"figures\"><thead><tr><th scope=\"col\">Parameters</th>{heads}</tr></thead>\
-         <tbody>{rows}</tbody></table></div></section>\n",
-        escape(&costs.verdict)
+        "<section id=\"cost\"><h2>What a scan costs</h2><p class=\"lead\">{}</p>{}</section>\n",
+        escape(&costs.verdict),
+        table("figures", "Costs", heads.map(escape), &rows.collect::<String>())
     )
-}
-
-fn row(name: &str, heads: &[String], cells: &[String]) -> String {
-    let cells: String =
-        heads.iter().zip(cells).map(|(head, cell)| figure_cell(head, cell)).collect();
-    format!("<tr><th scope=\"row\">{}</th>{cells}</tr>", escape(name))
-}
-
-/// A cell that repeats its column's name: on a narrow page a row becomes a card.
-pub(super) fn figure_cell(head: &str, cell: &str) -> String {
-    format!("<td data-head=\"{}\"><span class=\"value\">{}</span></td>", escape(head), escape(cell))
 }

@@ -2,9 +2,9 @@
 
 use echoloop_closed_loop::front::{Front, FrontPoint, Mark};
 
-use super::cost::figure_cell;
 use crate::axis::Axis;
 use crate::format::{escape, fixed, significant};
+use crate::page::{self, figure_cell};
 use crate::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
 
 const SIZE: Px = [880.0, 360.0];
@@ -97,35 +97,23 @@ fn label(front: &Front) -> String {
 fn table(front: &Front) -> String {
     let cost = cost_title(front);
     let names = [&cost, "Error", "95 % interval", "Recall", "Median e_t", "Against default"];
-    let heads: String =
-        names.iter().map(|head| format!("<th scope=\"col\">{}</th>", escape(head))).collect();
     let row = |name: &str, mark: &Mark, against: &str| {
-        row(name, &names, [&cost_text(front, mark), against], mark)
+        let [low, high] = mark.interval.map(significant);
+        let cells = [
+            cost_text(front, mark),
+            significant(mark.error),
+            format!("{low} to {high}"),
+            format!("{}\u{a0}%", fixed(mark.recall_pct, 1)),
+            format!("{}\u{a0}cm", fixed(100.0 * mark.median_translation_m, 2)),
+            against.to_owned(),
+        ];
+        page::row(name, names.iter().zip(&cells).map(|(head, cell)| figure_cell(head, cell)))
     };
     let named = [("default", &front.default), ("tuned", &front.tuned)];
     let named = named.into_iter().map(|(name, mark)| row(name, mark, ""));
     let points = (1..).zip(&front.points).map(|(i, FrontPoint { mark, comparison, .. })| {
         row(&format!("point {i}"), mark, comparison.error())
     });
-    let rows: String = named.chain(points).collect();
-    format!(
-        "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"Front\"><table \
-         class=\"figures\"><thead><tr><th scope=\"col\">Parameters</th>{heads}</tr></thead>\
-         <tbody>{rows}</tbody></table></div>"
-    )
-}
-
-fn row(name: &str, heads: &[&str; 6], [cost, against]: [&str; 2], mark: &Mark) -> String {
-    let [low, high] = mark.interval.map(significant);
-    let cells = [
-        cost.to_owned(),
-        significant(mark.error),
-        format!("{low} to {high}"),
-        format!("{}\u{a0}%", fixed(mark.recall_pct, 1)),
-        format!("{}\u{a0}cm", fixed(100.0 * mark.median_translation_m, 2)),
-        against.to_owned(),
-    ];
-    let cells: String =
-        heads.iter().zip(&cells).map(|(head, cell)| figure_cell(head, cell)).collect();
-    format!("<tr><th scope=\"row\">{}</th>{cells}</tr>", escape(name))
+    let heads = ["Parameters"].into_iter().chain(names).map(escape);
+    page::table("figures", "Front", heads, &named.chain(points).collect::<String>())
 }

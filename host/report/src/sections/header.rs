@@ -1,15 +1,37 @@
 //! Heading, facts, headline and tiles.
 
-use echoloop_closed_loop::run_folder::run::{Background, StageRecord};
+use echoloop_closed_loop::run_folder::run::StageRecord;
 
 use super::{Report, evaluation};
-use crate::finished_runs::FinishedRun;
-use crate::format::escape;
-use crate::page;
+use crate::page::{self, subtitle};
 
-/// Names and values that identify a finished run.
-pub(super) fn facts(run: &FinishedRun, background: &Background) -> Vec<(String, String)> {
+/// Heading of the page.
+pub(super) fn title(report: &Report) -> String {
+    let result = &report.run.result;
+    format!("Echoloop: {} tuned for {}", result.protocol, result.scene)
+}
+
+pub(super) fn section(report: &Report) -> String {
+    let result = &report.run.result;
+    let counts =
+        format!("{} registrations in {} generations", result.registrations, result.generations);
+    let (axes, generations) = (report.background.axes.len(), report.generations.len());
+    let below = [
+        subtitle(&counts),
+        evaluation::headline(&report.table, axes, generations),
+        page::facts(&facts(report)),
+    ];
+    page::header(&title(report), &below.concat())
+}
+
+/// Names and values that identify a run.
+fn facts(report: &Report) -> Vec<(String, String)> {
+    let Report { run, background, .. } = report;
     let (config, result) = (&run.config, &run.result);
+    let stages = background.stages.iter().map(|stage| {
+        let StageRecord { name, generations, population, pairs } = stage;
+        format!("{name}: {generations} generations of {population} candidates on {pairs} pairs")
+    });
     let usual = [
         ("Scene", format!("{}, {} triangles", result.scene, background.triangles)),
         ("Beams", background.beams.clone()),
@@ -19,31 +41,10 @@ pub(super) fn facts(run: &FinishedRun, background: &Background) -> Vec<(String, 
         ("Training pairs", config.data.train_pairs.to_string()),
         ("Held-out pairs", result.tuned_summary.pairs.to_string()),
         ("Distance of a pair", format!("{} m", config.data.baseline_m)),
-        ("Searches", searches(&background.stages)),
+        ("Searches", stages.collect::<Vec<_>>().join("; ")),
         ("Seed", config.seed.to_string()),
         ("Chosen", result.origin.clone()),
     ];
     let check = result.check.map(|check| ("Checked", check.to_string()));
     usual.into_iter().chain(check).map(|(name, value)| (name.to_owned(), value)).collect()
-}
-
-/// The stages of a search, in their order.
-fn searches(stages: &[StageRecord]) -> String {
-    let texts = stages.iter().map(|stage| {
-        let StageRecord { name, generations, population, pairs } = stage;
-        format!("{name}: {generations} generations of {population} candidates on {pairs} pairs")
-    });
-    texts.collect::<Vec<_>>().join("; ")
-}
-
-pub(super) fn section(report: &Report) -> String {
-    let facts = page::facts(&report.facts);
-    format!(
-        "<header><p class=\"eyebrow\">Echoloop</p><h1>{}</h1><p class=\"subtitle\">{}</p>\
-         {}{}{facts}</header>\n",
-        escape(&report.title),
-        escape(&report.subtitle),
-        evaluation::headline(report),
-        evaluation::tiles(&report.table)
-    )
 }

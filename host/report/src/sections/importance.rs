@@ -1,21 +1,16 @@
 //! Importance of the parameters with its uncertainty, and slices of the fitness along them.
 
 use echoloop_closed_loop::evaluation::gain::Estimate;
+use echoloop_closed_loop::parameters::{Scale, choices};
 use echoloop_closed_loop::run_folder::journal::Generation;
-use echoloop_closed_loop::run_folder::run::{Background, RunResult};
+use echoloop_closed_loop::run_folder::run::{AxisRecord, Background, RunResult};
 
-use plotters::element::{PathElement, Rectangle};
-use plotters::style::Color;
-use plotters::style::text_anchor::{HPos, VPos};
-
-use super::length;
-use crate::ReportError;
 use crate::axis::Axis;
 use crate::finished_runs::chosen::explained;
-use crate::finished_runs::importance::{Measured, measured};
+use crate::finished_runs::importance::measured;
 use crate::format::{escape, file_name, fixed, with_unit};
-use crate::plot::{Caption, Frame, Key, Px, Sample, at, chart, drawing, hint, legend, text};
-use crate::theme::ink;
+use crate::page::notes;
+use crate::plot::{Caption, Frame, Key, LEFT, Px, RIGHT, Sample, chart, drawing, legend};
 
 const SLICE: Px = [330.0, 230.0];
 
@@ -63,27 +58,28 @@ impl Bar {
 }
 
 /// Fitness along a parameter, all others as chosen.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Slice {
-    /// Name of the parameter.
-    pub name: String,
-    /// Unit; empty when it has none.
-    pub unit: String,
-    /// True when its axis is logarithmic.
-    pub log: bool,
-    /// Names of its values, from 0, when it is a choice; else empty.
-    pub choices: &'static [&'static str],
-    /// Places of the curve, in the unit.
-    pub at: Vec<f64>,
-    /// Fitness over that of the chosen point, at each place.
-    pub ratio: Vec<f64>,
-    /// Lower and upper end of the ratio's 95 % band.
-    pub band: [Vec<f64>; 2],
+    /// The parameter.
+    pub axis: AxisRecord,
+    /// Its curve.
+    pub points: Vec<SlicePoint>,
     /// Candidates: value and ratio, each carried along the surface to the chosen point's other
     /// values: component plus residual (Larsen and McCleary, Technometrics 14, 1972).
     pub dots: Vec<[f64; 2]>,
     /// The chosen value.
     pub chosen: f64,
+}
+
+/// A point of a slice.
+#[derive(Clone, Debug)]
+pub struct SlicePoint {
+    /// Value of the parameter.
+    pub at: f64,
+    /// Fitness over that of the chosen point.
+    pub ratio: f64,
+    /// Lower and upper end of the ratio's 95 % band.
+    pub band: [f64; 2],
 }
 
 impl Importance {
@@ -100,44 +96,9 @@ impl Importance {
         let chosen = explained(result, axes, generations);
         match measured(generations, axes, &result.tuned) {
             Err(verdict) => Self { verdict, chosen, ..Self::default() },
-            Ok(measured) => Self {
-                verdict: verdict(&measured, axes.len() - measured.bars.len()),
-                bars: measured.bars,
-                slices: measured.slices,
-                chosen,
-            },
+            Ok(measured) => Self { chosen, ..measured },
         }
     }
-}
-
-impl Slice {
-    pub(super) fn check(&self) -> Result<(), ReportError> {
-        let series = [("curve", &self.ratio), ("band", &self.band[0]), ("band", &self.band[1])];
-        series.iter().try_for_each(|(name, values)| {
-            length(&format!("{name} of {}", self.name), values.len(), self.at.len(), "places")
-        })
-    }
-}
-
-/// `left_out` is the number of parameters without a bar.
-fn verdict(measured: &Measured, left_out: usize) -> String {
-    let Measured { candidates, generations, predicted, .. } = measured;
-    let [low, high] = predicted.interval.map(|end| 100.0 * end);
-    let left_out = match left_out {
-        0 => String::new(),
-        1 => " One parameter moved in too few generations to be told.".to_owned(),
-        count => format!(" {count} parameters moved in too few generations to be told."),
-    };
-    format!(
-        "A response surface of second order, fitted to all {candidates} candidates within their \
-         {generations} generations, predicts {:.0}\u{a0}% (95\u{a0}% interval {low:.0} to \
-         {high:.0}) of how ln fitness varies among candidates that it has not seen. Importance is \
-         the parameter’s share of that variation: half of what the squared error of those \
-         predictions grows by when its values are dealt anew among the candidates of a generation \
-         (Breiman 2001; Wei, Lu and Song 2015), with a bootstrap over generations. Blue: more than \
-         chance. It holds where the search looked, not for the whole range.{left_out}",
-        100.0 * predicted.value
-    )
 }
 
 /// Importance or the reason why there is none, and the reasons of the choice.
@@ -169,29 +130,22 @@ fn bars(bars: &[Bar]) -> String {
     let label = format!("Importance of {} parameters, the most important first.", bars.len());
     let title = "Importance of the parameters, % of the variation";
     let caption = Caption { name: "importance", title, keys: &BAR_KEYS };
-    drawing(&caption, size, &label, |canvas, hints| {
+    drawing(&caption, size, &label, |canvas| {
         for (line, bar) in bars.iter().enumerate() {
             let y = LINE * line as f64 + 4.0;
             let middle = y + 7.0;
             let Estimate { value: share, interval } = bar.share;
-            let [low, high] = interval.map(across);
+            let ends = interval.map(across);
             let class = if bar.is_shown() { "bar strong-bar" } else { "bar" };
-            let corners = [at([left, y]), at([across(share), y + 14.0])];
-            canvas.draw(&Rectangle::new(corners, ink(class).filled()))?;
-            for ends in [
-                [[low, middle], [high, middle]],
-                [[low, middle - 3.0], [low, middle + 3.0]],
-                [[high, middle - 3.0], [high, middle + 3.0]],
-            ] {
-                canvas.draw(&PathElement::new(ends.map(at), ink("whisker")))?;
-            }
-            let name = text("name", HPos::Right, VPos::Center);
-            canvas.draw_text(&bar.name, &name, at([left - 8.0, middle]))?;
-            let value = text("tick", HPos::Left, VPos::Center);
-            let end = high.max(across(share)) + 8.0;
-            canvas.draw_text(&percent(share), &value, at([end, middle]))?;
-            let words = format!("{}: {}", bar.name, share_text(bar));
-            *hints += &hint(at([0.0, y - 4.0]), at([size[0], y + LINE - 4.0]), &words);
+            canvas.block(class, [[left, y], [across(share), y + 14.0]])?;
+            canvas.whisker("whisker", ends, middle, 3.0)?;
+            canvas.text(&bar.name, "name", LEFT, [left - 8.0, middle])?;
+            let right = ends[1].max(across(share)) + 8.0;
+            canvas.text(&percent(share), "tick", RIGHT, [right, middle])?;
+            let [low, high] = interval.map(|end| fixed(100.0 * end, 1));
+            let share = percent(share);
+            let words = format!("{}: {share}, 95 % interval {low} to {high}", bar.name);
+            canvas.hint([[0.0, y - 4.0], [size[0], y + LINE - 4.0]], &words);
         }
         Ok(())
     })
@@ -199,11 +153,6 @@ fn bars(bars: &[Bar]) -> String {
 
 fn percent(value: f64) -> String {
     with_unit(&fixed(100.0 * value, 1), "%")
-}
-
-fn share_text(bar: &Bar) -> String {
-    let [low, high] = bar.share.interval.map(|end| fixed(100.0 * end, 1));
-    format!("{}, 95 % interval {low} to {high}", percent(bar.share.value))
 }
 
 fn slices(slices: &[Slice]) -> String {
@@ -221,50 +170,50 @@ fn slices(slices: &[Slice]) -> String {
 }
 
 fn slice(slice: &Slice) -> String {
-    let dots = |i: usize| slice.dots.iter().map(move |dot| dot[i]);
-    let xs = slice.at.iter().copied();
-    let (low, high) =
-        xs.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
-    let x = match slice.choices.is_empty() {
-        true => Axis::between(low, high, slice.log),
-        false => Axis::between(low - 0.5, high + 0.5, false).with_ticks(&slice.at),
+    let AxisRecord { name, scale, .. } = &slice.axis;
+    let of = |read: fn(&SlicePoint) -> f64| slice.points.iter().map(read).collect::<Vec<f64>>();
+    let (at, ratio) = (of(|point| point.at), of(|point| point.ratio));
+    let (dots, heights): (Vec<f64>, Vec<f64>) = slice.dots.iter().map(|&[x, y]| (x, y)).unzip();
+    let (low, high) = at
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+    let x = match choices(name) {
+        [] => Axis::between(low, high, *scale == Scale::Log),
+        _ => Axis::between(low - 0.5, high + 0.5, false).with_ticks(&at),
     };
-    let y = Axis::around(slice.ratio.iter().copied().chain(dots(1)).chain([1.0]));
-    let name = format!("slice-{}", file_name(&slice.name));
-    let title = format!("Slice along {}", slice.name);
-    let label = format!("Fitness along {}, through the chosen point.", slice.name);
-    let y_title = format!("fitness, chosen = 1{}", if y.is_log() { ", log axis" } else { "" });
-    let x_title = x_title(slice);
-    let caption = Caption { name: &name, title: &title, keys: &SLICE_KEYS };
-    let frame = Frame { caption, size: SLICE, label: &label, y_title: &y_title, x_title: &x_title };
-    let plot = chart(&frame, x, y, |chart| {
-        let [low, high] = &slice.band;
-        chart.band("spread", &slice.at, low, high)?;
-        let (xs, ys): (Vec<f64>, Vec<f64>) = (dots(0).collect(), dots(1).collect());
-        chart.dots("candidate", &xs, &ys, 2.0)?;
-        chart.line("mean", &slice.at, &slice.ratio)?;
+    let y = Axis::around(ratio.iter().chain(&heights).copied().chain([1.0]));
+    let file = format!("slice-{}", file_name(name));
+    let title = format!("Slice along {name}");
+    let label = &format!("Fitness along {name}, through the chosen point.");
+    let y_title = &format!("fitness, chosen = 1{}", if y.is_log() { ", log axis" } else { "" });
+    let x_title = &x_title(&slice.axis);
+    let caption = Caption { name: &file, title: &title, keys: &SLICE_KEYS };
+    let plot = chart(&Frame { caption, size: SLICE, label, y_title, x_title }, x, y, |chart| {
+        chart.band("spread", &at, &of(|point| point.band[0]), &of(|point| point.band[1]))?;
+        chart.dots("candidate", &dots, &heights, 2.0)?;
+        chart.line("mean", &at, &ratio)?;
         chart.upright("limit", slice.chosen)
     });
-    format!(
-        "<figure class=\"trace\"><figcaption><b>{}</b></figcaption>{plot}</figure>",
-        escape(&slice.name)
-    )
+    let name = escape(name);
+    format!("<figure class=\"trace\"><figcaption><b>{name}</b></figcaption>{plot}</figure>")
 }
 
 /// Name and unit; of a choice its values and their names.
-fn x_title(slice: &Slice) -> String {
-    let short = slice.name.rsplit('.').next().unwrap_or(&slice.name);
-    if slice.choices.is_empty() {
-        let unit = if slice.unit.is_empty() { String::new() } else { format!(", {}", slice.unit) };
-        return format!("{short}{unit}{}", if slice.log { ", log axis" } else { "" });
+fn x_title(AxisRecord { name, unit, scale, .. }: &AxisRecord) -> String {
+    let names = choices(name);
+    if names.is_empty() {
+        let short = name.rsplit('.').next().unwrap_or(name);
+        let comma = if unit.is_empty() { "" } else { ", " };
+        let log = if *scale == Scale::Log { ", log axis" } else { "" };
+        return format!("{short}{comma}{unit}{log}");
     }
-    let names = slice.choices.iter().enumerate().map(|(i, name)| format!("{i} {name}"));
+    let names = names.iter().enumerate().map(|(i, name)| format!("{i} {name}"));
     names.collect::<Vec<_>>().join(", ")
 }
 
 /// Reasons of the choice, the first as a paragraph.
 fn chosen(sentences: &[String]) -> String {
     let Some((first, rest)) = sentences.split_first() else { return String::new() };
-    let items: String = rest.iter().map(|text| format!("<li>{}</li>", escape(text))).collect();
-    format!("<p class=\"chosen\">{}</p><ul class=\"notes\">{items}</ul>", escape(first))
+    let rest = notes(rest.iter().map(|reason| escape(reason)));
+    format!("<p class=\"chosen\">{}</p>{rest}", escape(first))
 }

@@ -1,10 +1,9 @@
-//! The page of one run: its data, its sections and their order.
+//! The page of one run: its sections and their order.
 //!
-//! A section is a file here with its data, `of_run`, which takes them from a run's folder, and
-//! `section`, which draws them. Values that are not finite mean "unknown" or "nothing found"
-//! everywhere.
+//! A section is a file here with `section`, which draws what it takes from the [`Report`]. Values
+//! that are not finite mean "unknown" or "nothing found" everywhere.
 
-pub(crate) mod clouds;
+mod clouds;
 mod convergence;
 pub(crate) mod correlation;
 pub(crate) mod cost;
@@ -17,148 +16,85 @@ mod notes;
 pub(crate) mod pairs;
 mod trajectories;
 
-use echoloop_closed_loop::front::Front;
+use echoloop_closed_loop::run_folder::journal::Generation;
+use echoloop_closed_loop::run_folder::run::Background;
+use echoloop_registration::cloud::Cloud;
 
-use crate::error::ReportError;
 use crate::figure::{Figure, figures};
 use crate::finished_runs::{FinishedRun, RunError};
-use crate::page::{document, save_script};
+use crate::page::{SAVE, document};
 
-pub use clouds::{CloudLayer, MAX_LAYER_POINTS, PairClouds};
-pub use convergence::Convergence;
-pub use correlation::{Correlation, Moved};
+pub use correlation::Moved;
 pub use cost::{Costs, costs};
 pub use evaluation::{EvaluationRow, EvaluationTable, RowKind, judged};
-pub use identity::Identity;
-pub use importance::{Bar, Importance, Slice};
-pub use pairs::PairErrors;
-pub use trajectories::ParameterTrace;
+pub use importance::{Bar, Importance, Slice, SlicePoint};
 
 const CAMERA: &str = include_str!("../camera.js");
 const VIEWER: &str = include_str!("../viewer.js");
 
-/// Everything the page shows.
-#[derive(Clone, Debug, Default)]
+/// A finished run, read and evaluated for its page.
+#[derive(Clone, Debug)]
 pub struct Report {
-    /// Heading of the page.
-    pub title: String,
-    /// One line under the heading.
-    pub subtitle: String,
-    /// Names and values that identify the run: scene, seed, method, protocol, generations…
-    pub facts: Vec<(String, String)>,
-    /// Provenance of the run.
-    pub identity: Identity,
+    /// The run.
+    pub run: FinishedRun,
+    /// Axes, stages and correlations of its search.
+    pub background: Background,
+    /// Generations of its search.
+    pub generations: Vec<Generation>,
     /// Default against tuned on the held-out pairs.
     pub table: EvaluationTable,
-    /// Costs of a scan.
-    pub costs: Costs,
-    /// Error against a cost.
-    pub front: Option<Front>,
-    /// Fitness and step size by generation.
-    pub convergence: Convergence,
-    /// One trace for each tuned parameter.
-    pub parameters: Vec<ParameterTrace>,
     /// Importance of the parameters.
     pub importance: Importance,
-    /// Correlations of the search distribution at the end.
-    pub correlation: Option<Correlation>,
-    /// Errors of each held-out pair, default against tuned.
-    pub pair_errors: Vec<PairErrors>,
-    /// One pair's clouds in their estimated poses.
-    pub clouds: Option<PairClouds>,
-    /// Remarks, a paragraph each.
-    pub notes: Vec<String>,
-}
-
-/// The page of a run, from its folder alone.
-///
-/// # Errors
-///
-/// [`RunError`] names the file.
-pub fn page(run: &FinishedRun) -> Result<Report, RunError> {
-    let (_, generations) = run.journal()?;
-    let (background, result, config) = (run.background()?, &run.result, &run.config);
-    Ok(Report {
-        title: format!("Echoloop: {} tuned for {}", result.protocol, result.scene),
-        subtitle: format!(
-            "{} registrations in {} generations",
-            result.registrations, result.generations
-        ),
-        facts: header::facts(run, background),
-        identity: Identity::of_run(run),
-        table: EvaluationTable::of_run(result, &config.data),
-        costs: costs(result, config.tune.told_cost()),
-        front: result.front.clone(),
-        convergence: Convergence::of_run(run, &generations),
-        parameters: ParameterTrace::of_run(background, result, &generations),
-        importance: Importance::of_run(background, result, &generations),
-        correlation: Correlation::of_run(background),
-        pair_errors: PairErrors::of_run(background, result),
-        clouds: Some(PairClouds::of_run(run, background)?),
-        notes: notes::of_run(config),
-    })
+    /// Target and source of the shown pair: with the default, then with the tuned parameters.
+    pub clouds: [[Cloud; 2]; 2],
 }
 
 impl Report {
-    /// The page, complete.
-    ///
-    /// Values that are not finite are shown as a dash, gaps or marks at the edge of the plot; empty
-    /// parts are left out.
+    /// Reads the rest of a run's folder.
     ///
     /// # Errors
     ///
-    /// [`ReportError::Length`] when series that belong together differ in length.
-    pub fn to_html(&self) -> Result<String, ReportError> {
-        self.check()?;
+    /// [`RunError`] names the file.
+    pub fn of(run: FinishedRun) -> Result<Self, RunError> {
+        let (_, generations) = run.journal()?;
+        let background = run.background()?.clone();
+        correlation::check(&background).map_err(|what| run.fault(what))?;
+        Ok(Self {
+            table: EvaluationTable::of_run(&run.result, &run.config.data),
+            importance: Importance::of_run(&background, &run.result, &generations),
+            clouds: run.clouds()?,
+            run,
+            background,
+            generations,
+        })
+    }
+
+    /// The page, complete. Values that are not finite are shown as a dash, gaps or marks at the
+    /// edge of the plot; empty parts are left out.
+    pub fn to_html(&self) -> String {
         let sections = [
             header::section(self),
             evaluation::section(&self.table),
-            cost::section(&self.costs),
-            front::section(self.front.as_ref()),
-            convergence::section(&self.convergence),
+            cost::section(&costs(&self.run.result, self.run.config.tune.told_cost())),
+            front::section(self.run.result.front.as_ref()),
+            convergence::section(self),
             trajectories::section(self),
             importance::section(&self.importance),
-            correlation::section(self.correlation.as_ref(), self.convergence.generation.len()),
+            correlation::section(self),
             pairs::section(self),
-            clouds::section(self.clouds.as_ref()),
-            identity::section(&self.identity),
-            notes::section(&self.notes),
+            clouds::section(self),
+            identity::section(&self.run),
+            notes::section(&self.run.config),
         ];
-        Ok(document(&self.title, &sections.concat(), &[CAMERA, save_script(), VIEWER].concat()))
+        document(&header::title(self), &sections.concat(), &[CAMERA, SAVE, VIEWER].concat())
     }
 
     /// Every chart of the page, standing alone.
     ///
     /// # Errors
     ///
-    /// As of [`Self::to_html`], and [`ReportError::Drawing`].
-    pub fn figures(&self) -> Result<Vec<Figure>, ReportError> {
-        figures(&self.to_html()?).map_err(ReportError::Drawing)
+    /// A text about the first chart that cannot be drawn.
+    pub fn figures(&self) -> Result<Vec<Figure>, String> {
+        figures(&self.to_html())
     }
-
-    /// Refuses series that differ in length.
-    fn check(&self) -> Result<(), ReportError> {
-        self.convergence.check()?;
-        let generations = self.convergence.generation.len();
-        self.parameters.iter().try_for_each(|trace| trace.check(generations))?;
-        self.importance.slices.iter().try_for_each(Slice::check)?;
-        self.correlation.iter().try_for_each(Correlation::check)?;
-        self.clouds.iter().try_for_each(PairClouds::check)
-    }
-}
-
-/// Refuses a series of `found` values that are neither none nor `count`.
-fn optional_length(series: &str, found: usize, count: usize, of: &str) -> Result<(), ReportError> {
-    if found == 0 {
-        return Ok(());
-    }
-    length(series, found, count, of)
-}
-
-/// Refuses a series of `found` values where `count` are expected, one for each `of`.
-fn length(series: &str, found: usize, count: usize, of: &str) -> Result<(), ReportError> {
-    if found == count {
-        return Ok(());
-    }
-    Err(ReportError::Length { series: series.to_owned(), expected: format!("{count} {of}"), found })
 }

@@ -3,10 +3,10 @@
 use echoloop_closed_loop::config::FgrMode;
 
 use crate::finished_runs::Known;
-use crate::format::escape;
+use crate::page::notes_section;
 
 /// Remarks on a finished run.
-pub(super) fn of_run(config: &Known) -> Vec<String> {
+pub(super) fn section(config: &Known) -> String {
     let mut notes = vec![
         "Every scan went through the sensor's firmware: settings and echoes as frames of its \
          link, echoes by its fixed-point detector."
@@ -29,14 +29,5 @@ pub(super) fn of_run(config: &Known) -> Vec<String> {
             config.tune.error_cap
         ));
     }
-    notes
-}
-
-/// A list; empty without remarks.
-pub(super) fn section(notes: &[String]) -> String {
-    if notes.is_empty() {
-        return String::new();
-    }
-    let items: String = notes.iter().map(|note| format!("<li>{}</li>", escape(note))).collect();
-    format!("<section id=\"notes\"><h2>Notes</h2><ul class=\"notes\">{items}</ul></section>\n")
+    notes_section(&notes)
 }

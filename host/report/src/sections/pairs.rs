@@ -21,32 +21,11 @@ const CURVE: Px = [440.0, 270.0];
 /// Least error of the axes, m or degrees; smaller ones are drawn there.
 const FLOOR: f64 = 1e-4;
 
-/// Errors of one held-out pair under both settings; NaN where unknown.
-#[derive(Clone, Debug)]
-pub struct PairErrors {
-    /// Name of the pair.
-    pub label: String,
-    /// With the default parameters.
-    pub default: PairError,
-    /// With the tuned parameters.
-    pub tuned: PairError,
-}
-
-impl PairErrors {
-    /// The held-out pairs of a finished run.
-    pub(super) fn of_run(background: &Background, result: &RunResult) -> Vec<Self> {
-        let both = result.default_summary.errors.iter().zip(&result.tuned_summary.errors);
-        both.map(|(default, tuned)| Self {
-            label: label(background, default.pair),
-            default: default.clone(),
-            tuned: tuned.clone(),
-        })
-        .collect()
-    }
-}
+/// Errors of one held-out pair with the default and the tuned parameters; NaN where unknown.
+type Both<'a> = [&'a PairError; 2];
 
 /// Name of a pair: its place and index.
-pub(super) fn label(background: &Background, pair: usize) -> String {
+pub(super) fn label_of(background: &Background, pair: usize) -> String {
     let place = background.places.get(pair).map_or("", String::as_str);
     format!("{place} pair {pair}").trim_start().to_owned()
 }
@@ -75,32 +54,31 @@ const ROTATION: Part = Part {
 
 /// The three plots; empty without pairs.
 pub(super) fn section(report: &Report) -> String {
-    let pairs = &report.pair_errors;
+    let RunResult { default_summary, tuned_summary, .. } = &report.run.result;
+    let pairs = default_summary.errors.iter().zip(&tuned_summary.errors);
+    let pairs: Vec<Both<'_>> = pairs.map(|(default, tuned)| [default, tuned]).collect();
     if pairs.is_empty() {
         return String::new();
     }
-    let data = &report.table.data;
+    let data = &report.run.config.data;
     format!(
         "<section id=\"pairs\"><h2>Pair by pair</h2><p class=\"lead\">{}</p>\
          <figure><div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"Errors by \
          pair\">{}</div>{}</figure>\
          <div class=\"pair\"><figure>{}</figure><figure>{}</figure></div>{}</section>\n",
-        gains(pairs, data),
-        slopes(pairs, data),
+        gains(&pairs, data),
+        slopes(&pairs, report),
         legend(&SLOPE_KEYS),
-        curve(&TRANSLATION, pairs, data),
-        curve(&ROTATION, pairs, data),
+        curve(&TRANSLATION, &pairs, data),
+        curve(&ROTATION, &pairs, data),
         legend(&CURVE_KEYS)
     )
 }
 
 /// Numbers of pairs that tuning won and lost, with their significance.
-fn gains(pairs: &[PairErrors], data: &DataConfig) -> String {
+fn gains(pairs: &[Both<'_>], data: &DataConfig) -> String {
     let count = |before: bool, after: bool| {
-        let same = |p: &&PairErrors| {
-            succeeds(&p.default, data) == before && succeeds(&p.tuned, data) == after
-        };
-        pairs.iter().filter(same).count()
+        pairs.iter().filter(|pair| pair.map(|e| succeeds(e, data)) == [before, after]).count()
     };
     let (won, lost) = (count(false, true), count(true, false));
     format!(
@@ -115,49 +93,48 @@ fn gains(pairs: &[PairErrors], data: &DataConfig) -> String {
 }
 
 /// Plot with a stroke from the default to the tuned error of each pair, largest default first.
-fn slopes(pairs: &[PairErrors], data: &DataConfig) -> String {
-    let mut sorted: Vec<&PairErrors> = pairs.iter().collect();
-    sorted.sort_by(|a, b| b.default.translation_m.total_cmp(&a.default.translation_m));
+fn slopes(pairs: &[Both<'_>], report: &Report) -> String {
+    let data = &report.run.config.data;
+    let mut sorted = pairs.to_vec();
+    sorted.sort_by(|[a, _], [b, _]| b.translation_m.total_cmp(&a.translation_m));
     let label =
-        format!("Translation error of {} pairs with default and tuned parameters.", pairs.len());
+        &format!("Translation error of {} pairs with default and tuned parameters.", pairs.len());
     let caption =
         Caption { name: "pairs", title: "Default and tuned, pair by pair", keys: &SLOPE_KEYS };
-    let frame = Frame {
-        caption,
-        size: SLOPES,
-        label: &label,
-        y_title: "translation error, m, log axis; ✕ at the top: nothing found",
-        x_title: "test pairs, largest default error first (hover for names)",
-    };
+    let y_title = "translation error, m, log axis; ✕ at the top: nothing found";
+    let x_title = "test pairs, largest default error first (hover for names)";
+    let frame = Frame { caption, size: SLOPES, label, y_title, x_title };
     let x = Axis::between(0.5, sorted.len() as f64 + 0.5, false).with_ticks(&[]);
     chart(&frame, x, part_axis(&TRANSLATION, pairs, data), |chart| {
         chart.level("limit", data.success_translation_m)?;
         let radius = if sorted.len() > 60 { 2.8 } else { 4.5 };
-        sorted
-            .iter()
-            .enumerate()
-            .try_for_each(|(rank, pair)| slope(chart, pair, rank as f64 + 1.0, data, radius))
+        (1..).zip(&sorted).try_for_each(|(rank, &both)| {
+            let x = f64::from(rank);
+            slope(chart, both, x, data, radius)?;
+            let label = label_of(&report.background, both[0].pair);
+            chart.hint(x - 0.5, x + 0.5, &format!("{label}: {}", hint(both)));
+            Ok(())
+        })
     })
 }
 
 fn slope(
     chart: &mut Chart<'_, '_>,
-    pair: &PairErrors,
+    pair: Both<'_>,
     x: f64,
     data: &DataConfig,
     radius: f64,
 ) -> Drawn {
-    let reach = |error: &PairError| {
-        if error.translation_m.is_finite() { error.translation_m } else { f64::INFINITY }
+    let reach = |error: &PairError| match error.translation_m {
+        error if error.is_finite() => error,
+        _ => f64::INFINITY,
     };
-    let [before, after] = [&pair.default, &pair.tuned].map(reach);
+    let [before, after] = pair.map(reach);
     let class = if after < before { "slope good" } else { "slope bad" };
     chart.draw([PathElement::new([(x, before), (x, after)], ink(class))])?;
-    let [was, is] = [&pair.default, &pair.tuned].map(|error| succeeds(error, data));
+    let [was, is] = pair.map(|error| succeeds(error, data));
     mark(chart, "dot-default", (x, before), was, radius)?;
-    mark(chart, "dot-tuned", (x, after), is, radius)?;
-    chart.hint(x - 0.5, x + 0.5, &hint(pair));
-    Ok(())
+    mark(chart, "dot-tuned", (x, after), is, radius)
 }
 
 /// Mark of an error: filled for a success, hollow for a failure, a cross where it is unknown.
@@ -175,37 +152,30 @@ fn mark(
     chart.draw([Circle::new(at, fine(radius), ink(&class).filled())])
 }
 
-fn hint(pair: &PairErrors) -> String {
-    let text = |e: &PairError| {
+fn hint(pair: Both<'_>) -> String {
+    let [default, tuned] = pair.map(|e| {
         format!(
             "{}, {}",
             with_unit(&fixed(e.translation_m, 3), "m"),
             with_unit(&fixed(e.rotation_deg, 2), "°")
         )
-    };
-    format!("{}: default {}; tuned {}", pair.label, text(&pair.default), text(&pair.tuned))
+    });
+    format!("default {default}; tuned {tuned}")
 }
 
 /// Cumulative distribution of one part of the error, for both settings.
-fn curve(part: &Part, pairs: &[PairErrors], data: &DataConfig) -> String {
+fn curve(part: &Part, pairs: &[Both<'_>], data: &DataConfig) -> String {
     let label =
         format!("Cumulative distribution of the {} with default and tuned parameters.", part.name);
     let x_title = format!("{}, {}, log axis", part.name, part.unit);
-    let (name, keys) = (file_name(part.name), &CURVE_KEYS);
-    let frame = Frame {
-        caption: Caption { name: &name, title: part.name, keys },
-        size: CURVE,
-        label: &label,
-        y_title: "% of pairs with at most this error",
-        x_title: &x_title,
-    };
-    let curve = |read: fn(&PairErrors) -> &PairError| {
-        steps(pairs.iter().map(|pair| (part.read)(read(pair))).collect())
-    };
+    let caption = Caption { name: &file_name(part.name), title: part.name, keys: &CURVE_KEYS };
+    let y_title = "% of pairs with at most this error";
+    let frame = Frame { caption, size: CURVE, label: &label, y_title, x_title: &x_title };
+    let steps = |which: usize| steps(pairs.iter().map(|pair| (part.read)(pair[which])).collect());
     chart(&frame, part_axis(part, pairs, data), Axis::between(0.0, 100.0, false), |chart| {
         chart.upright("limit", (part.bound)(data))?;
-        chart.draw(LineSeries::new(curve(|pair| &pair.default), ink("curve-default")))?;
-        chart.draw(LineSeries::new(curve(|pair| &pair.tuned), ink("curve-tuned")))
+        chart.draw(LineSeries::new(steps(0), ink("curve-default")))?;
+        chart.draw(LineSeries::new(steps(1), ink("curve-tuned")))
     })
 }
 
@@ -225,8 +195,8 @@ pub(crate) fn steps(mut errors: Vec<f64>) -> Vec<(f64, f64)> {
         .collect()
 }
 
-fn part_axis(part: &Part, pairs: &[PairErrors], data: &DataConfig) -> Axis {
-    let errors = pairs.iter().flat_map(|p| [(part.read)(&p.default), (part.read)(&p.tuned)]);
+fn part_axis(part: &Part, pairs: &[Both<'_>], data: &DataConfig) -> Axis {
+    let errors = pairs.iter().flat_map(|pair| pair.map(part.read));
     Axis::log_around(errors.chain([(part.bound)(data)]), FLOOR)
 }
 

@@ -7,9 +7,8 @@ use super::Drawn;
 use super::cells::Cells;
 use super::search::Search;
 use echoloop_closed_loop::config::DataConfig;
-use echoloop_closed_loop::config::preset::Protocol;
 use echoloop_closed_loop::evaluation::objective::PairError;
-use echoloop_report::{Panel, PanelDrawing, Plate, Series, ShareCurve, Shares};
+use echoloop_report::{Panel, PanelDrawing, Plate, Shares};
 
 /// A part of a pose error.
 pub(super) struct Part {
@@ -59,15 +58,6 @@ impl Part {
     }
 }
 
-pub(super) fn series(protocol: Protocol) -> Series {
-    match protocol {
-        Protocol::Default => Series::Default,
-        Protocol::Lidar => Series::Lidar,
-        Protocol::Registration => Series::Registration,
-        Protocol::Joint => Series::Joint,
-    }
-}
-
 /// Figure of a search: a row for each method and part, a column for each scene.
 pub(super) fn plates(cells: &Cells, search: &Search) -> Drawn {
     let absent = cells.absent(&search.cells);
@@ -84,8 +74,7 @@ pub(super) fn plates(cells: &Cells, search: &Search) -> Drawn {
             let (bound, span) = part.range(&records);
             panels.extend(scenes.iter().map(|&scene| {
                 let curve = |cell: &Cell| {
-                    let errors = part.errors(cells.record(cell)?).collect();
-                    Some(ShareCurve { series: series(cell.protocol), errors })
+                    Some((cell.protocol, part.errors(cells.record(cell)?).collect()))
                 };
                 let curves = search.of(method, scene).filter_map(curve).collect();
                 let axis = part.axis.into();

@@ -10,7 +10,7 @@ use echoloop_closed_loop::config::preset::Strategy;
 use echoloop_closed_loop::parameters::choices;
 use echoloop_closed_loop::run_folder::run::Background;
 use echoloop_report::finished_runs::FinishedRun;
-use echoloop_report::{Correlation, Moved, Panel, PanelDrawing, Plate, fixed, significant};
+use echoloop_report::{Moved, Panel, PanelDrawing, Plate, fixed, significant};
 
 /// Bound on the number of parameters; a file with more is not ours.
 const MOST_NAMES: usize = 100;
@@ -98,6 +98,7 @@ fn moved(run: &FinishedRun, background: &Background, chance: &mut Chance) -> Opt
     Some(Moved {
         of_sensor: names.iter().filter(|name| name.starts_with("lidar.")).count(),
         chance: chance.of(&blind),
-        correlation: Correlation::of_run(background)?,
+        names: names.clone(),
+        matrix: square.clone(),
     })
 }

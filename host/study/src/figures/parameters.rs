@@ -4,10 +4,9 @@ use super::super::axes::{Scene, TableMethod, name_of};
 use super::super::cell::Cell;
 use super::Drawn;
 use super::cells::Cells;
-use super::errors::series;
 use super::search::Search;
 use echoloop_closed_loop::config::preset::Protocol;
-use echoloop_closed_loop::parameters::{Scale, choices, effective};
+use echoloop_closed_loop::parameters::effective;
 use echoloop_closed_loop::run_folder::run::AxisRecord;
 use echoloop_report::{ChosenLane, ChosenRange, Panel, PanelDrawing, Plate};
 
@@ -75,8 +74,7 @@ fn panel(cells: &Cells, search: &Search, done: &[Cell], record: &AxisRecord) -> 
         unit if unit.is_empty() || is_in_name => String::new(),
         unit => format!(", {unit}"),
     };
-    let log = record.scale == Scale::Log || record.scale == Scale::PowerOfTwo;
-    let tag = if log { ", log axis" } else { "" };
+    let tag = if ChosenRange::is_log(record) { ", log axis" } else { "" };
     let lane = |scene: Scene| lane(cells, done, scene, record);
     Panel {
         name: format!(
@@ -86,23 +84,11 @@ fn panel(cells: &Cells, search: &Search, done: &[Cell], record: &AxisRecord) -> 
         ),
         title: format!("{short}{unit}{tag}"),
         drawing: PanelDrawing::Chosen(ChosenRange {
-            unit: record.unit.clone(),
-            min: record.min,
-            max: record.max,
-            log,
-            steps: powers(record),
-            choices: choices(&record.name),
+            axis: record.clone(),
             start: start.unwrap_or(f64::NAN),
             lanes: search.scenes().into_iter().map(lane).collect(),
         }),
     }
-}
-
-/// The values 1, 2, 4, … of an axis of powers of two; empty for others.
-fn powers(record: &AxisRecord) -> Vec<f64> {
-    let is_power = record.scale == Scale::PowerOfTwo;
-    let all = std::iter::successors(Some(record.min), |value| Some(2.0 * value));
-    all.take_while(|value| is_power && *value <= record.max).take(32).collect()
 }
 
 /// Values that the searches chose which moved the parameter.
@@ -111,7 +97,7 @@ fn lane(cells: &Cells, done: &[Cell], scene: Scene, record: &AxisRecord) -> Chos
         let run = cells.run(cell)?;
         let background = run.background().ok()?;
         background.axes.iter().find(|axis| axis.name == record.name)?;
-        Some((series(cell.protocol), effective(&run.result.tuned, &record.name)?))
+        Some((cell.protocol, effective(&run.result.tuned, &record.name)?))
     };
     // Both together last: its dot lies inside the rings.
     let order = [Protocol::Lidar, Protocol::Registration, Protocol::Joint];

@@ -2,21 +2,29 @@
 //! `libm`.
 
 use std::cmp::Ordering;
+use std::path::PathBuf;
 
-use echoloop_closed_loop::config::DataConfig;
+use echoloop_closed_loop::config::{DataConfig, RunConfig};
 use echoloop_closed_loop::cost::{CostKind, ScanCost};
 use echoloop_closed_loop::evaluation::compare::Comparison;
 use echoloop_closed_loop::evaluation::gain::{Difference, Estimate, Figures};
 use echoloop_closed_loop::evaluation::objective::PairError;
+use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::front::{Front, FrontPoint, Mark};
-use echoloop_closed_loop::parameters::Values;
+use echoloop_closed_loop::parameters::{Scale, Values};
+use echoloop_closed_loop::run_folder::journal::{CandidateRecord, Generation};
+use echoloop_closed_loop::run_folder::provenance::{About, Session};
+use echoloop_closed_loop::run_folder::run::{AxisRecord, Background, RunResult, StageRecord};
+use echoloop_closed_loop::search::Finalist;
 use echoloop_random::Generator;
+use echoloop_registration::cloud::Cloud;
+use echoloop_report::finished_runs::FinishedRun;
 use echoloop_report::{
-    Bar, CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable, Identity,
-    Importance, PairClouds, PairErrors, ParameterTrace, Report, RowKind, Slice,
+    Bar, EvaluationRow, EvaluationTable, Importance, Report, RowKind, Slice, SlicePoint,
 };
+use nalgebra::Point3;
 
-const GENERATIONS: usize = 30;
+const GENERATIONS: u32 = 30;
 
 fn normal(generator: &mut Generator) -> f64 {
     generator.normals(1)[0]
@@ -24,79 +32,95 @@ fn normal(generator: &mut Generator) -> f64 {
 
 pub(crate) fn report(seed: u64) -> Report {
     let mut rng = Generator::new(seed, 0);
-    let parameters = parameters(&mut rng);
-    Report {
-        title: "Unstructured terrain, FGR, joint tuning".into(),
-        subtitle: "Sensor and registration parameters tuned together for one kind of scene".into(),
-        facts: facts(),
-        identity: identity(),
-        table: table(),
-        costs: costs(),
-        front: Some(front()),
-        convergence: convergence(&mut rng),
-        importance: importance(&parameters),
-        correlation: Some(correlation(&mut rng, &parameters)),
-        parameters,
-        pair_errors: pair_errors(&mut rng),
-        clouds: Some(clouds(&mut rng)),
-        notes: vec![
-            "FGR runs as in Open3D 0.20’s Python defaults; the annealed variant is reported \
-             separately."
-                .into(),
-            "Bounds are the preset outdoor; the paper’s bounds leave the features without \
-             neighbours."
-                .into(),
-        ],
+    let axes = axes();
+    let (default, tuned) = (values(2), values(3));
+    let generations = generations(&mut rng, &axes, [&default, &tuned]);
+    let table = table();
+    let importance = importance(&axes, &tuned);
+    let names: Vec<String> = axes.iter().map(|axis| axis.name.clone()).collect();
+    let background = Background {
+        triangles: 516_048,
+        beams: "160 × 40 beams".into(),
+        places: (0..20).map(|i| format!("town {}", i % 3 + 1)).collect(),
+        stages: vec![StageRecord {
+            name: "joint".into(),
+            generations: GENERATIONS,
+            population: 12,
+            pairs: 10,
+        }],
+        axes,
+        correlations: correlations(&mut rng, names.len()),
+        correlated: names,
+        covariance_learned: 0.56,
+    };
+    let run = run(&mut rng, table.data, default, tuned);
+    Report { run, background, generations, table, importance, clouds: clouds(&mut rng) }
+}
+
+fn run(rng: &mut Generator, data: DataConfig, default: Values, tuned: Values) -> FinishedRun {
+    let config = RunConfig { data, seed: 20_260_417, ..RunConfig::default() };
+    let config_text = toml::to_string(&config).expect("TOML");
+    let [before, after] = pair_errors(rng);
+    let summary = |errors, energy_j| {
+        let cost = Some(ScanCost { energy_j, ..ScanCost::UNKNOWN });
+        Summary { cost, ..Summary::from_errors(errors, &data) }
+    };
+    let start =
+        Finalist { origin: "start".into(), values: default.clone(), fitness: 5.8, pairs: 10 };
+    let session = Session {
+        begun: "2026-11-22T17:00:00Z".into(),
+        version: "0.1.0".into(),
+        build: Some("995dc9bbdf1939fa".into()),
+        command: "echoloop tune".into(),
+    };
+    FinishedRun {
+        path: PathBuf::from("run"),
+        config: toml::from_str(&config_text).expect("TOML"),
+        config_text,
+        about: About { sessions: vec![session], ..About::default() },
+        result: RunResult {
+            format: 1,
+            protocol: "joint".into(),
+            method: "fgr".into(),
+            scene: "unstructured".into(),
+            seed: config.seed,
+            generations: GENERATIONS as usize,
+            registrations: 3600,
+            origin: "joint, mean".into(),
+            default,
+            tuned,
+            finalists: vec![start],
+            check: None,
+            plain_summary: None,
+            default_summary: summary(before, 4.61e-3),
+            tuned_summary: summary(after, 0.92e-3),
+            comparison: SAME,
+            front: Some(front()),
+            background: None,
+        },
     }
 }
 
-fn facts() -> Vec<(String, String)> {
-    [
-        ("scene", "unstructured, 3 towns"),
-        ("method", "FGR on FPFH (open3d)"),
-        ("protocol", "joint"),
-        ("preset", "outdoor"),
-        ("seed", "20260417"),
-        ("generations", "30 of 12 candidates"),
-        ("training pairs", "10"),
-        ("test pairs", "20"),
-        ("wall time", "41 min on 8 cores"),
-    ]
-    .map(|(name, value)| (name.to_owned(), value.to_owned()))
-    .to_vec()
-}
-
-fn identity() -> Identity {
-    let session = ["2026-11-22T17:00:00Z", "0.1.0", "995dc9bbdf1939fa", "echoloop tune"];
-    Identity {
-        sessions: vec![session.map(str::to_owned)],
-        configuration: "seed = 20260417\n\n[tune]\ngenerations = 30\n".into(),
-    }
-}
+const SAME: Comparison = Comparison { difference: 0.0, interval: [-1e-4, 1e-4], reference: 0.004 };
 
 /// Importance that falls from parameter to parameter, and slices of the first.
-fn importance(parameters: &[ParameterTrace]) -> Importance {
-    let bars = parameters.iter().zip(0..).map(|(p, rank)| {
+fn importance(axes: &[AxisRecord], tuned: &Values) -> Importance {
+    let bars = axes.iter().zip(0..).map(|(axis, rank)| {
         let value = 0.4 * libm::pow(0.6, f64::from(rank));
         let share = Estimate { value, interval: [value - 0.06, value + 0.06] };
-        Bar { name: p.name.clone(), share }
+        Bar { name: axis.name.clone(), share }
     });
-    let slices = parameters.iter().take(4).map(|p| {
-        let at: Vec<f64> = (0..21).map(|i| p.min + (p.max - p.min) * f64::from(i) / 20.0).collect();
-        let far = |x: &f64| (x - p.tuned) / (p.max - p.min);
-        let ratio: Vec<f64> = at.iter().map(|x| libm::exp(2.0 * far(x) * far(x))).collect();
-        let scaled = |by: f64| ratio.iter().map(|r| r * by).collect();
-        Slice {
-            name: p.name.clone(),
-            unit: p.unit.clone(),
-            log: p.log,
-            choices: &[],
-            dots: at.iter().zip(&ratio).map(|(x, r)| [*x, 1.1 * r]).collect(),
-            band: [scaled(0.9), scaled(1.1)],
-            at,
-            ratio,
-            chosen: p.tuned,
-        }
+    let slices = axes.iter().take(4).map(|axis| {
+        let (range, chosen) = (axis.max - axis.min, tuned[&axis.name]);
+        let point = |i: u32| {
+            let at = axis.min + range * f64::from(i) / 20.0;
+            let far = (at - chosen) / range;
+            let ratio = libm::exp(2.0 * far * far);
+            SlicePoint { at, ratio, band: [0.9 * ratio, 1.1 * ratio] }
+        };
+        let points: Vec<SlicePoint> = (0..21).map(point).collect();
+        let dots = points.iter().map(|point| [point.at, 1.1 * point.ratio]).collect();
+        Slice { axis: axis.clone(), points, dots, chosen }
     });
     Importance {
         verdict: "A response surface predicts 61 % of the variation.".into(),
@@ -106,19 +130,6 @@ fn importance(parameters: &[ParameterTrace]) -> Importance {
             "1 of 12 parameters was chosen outside the search’s last band.".into(),
             "voxel = 0.47 m is above the band of 0.3 to 0.4 m".into(),
         ],
-    }
-}
-
-fn costs() -> Costs {
-    let words = |words: [&str; 4]| words.map(str::to_owned).to_vec();
-    let heads = ["energy of a scan", "instructions a waveform", "bits of a scan", "time of a scan"];
-    Costs {
-        heads: words(heads),
-        rows: vec![
-            ("default".into(), words(["4.61 mJ", "25.2 k", "1.70 Mbit", "9.84 ms"])),
-            ("tuned".into(), words(["0.92 mJ", "60.4 k", "1.72 Mbit", "9.84 ms"])),
-        ],
-        verdict: "Tuned: a lower error at 1/5.0 of the energy.".into(),
     }
 }
 
@@ -134,11 +145,10 @@ fn front() -> Front {
             cost: ScanCost { energy_j, ..ScanCost::UNKNOWN },
         }
     };
-    let same = Comparison { difference: 0.0, interval: [-1e-4, 1e-4], reference: 0.004 };
     let point = |i: u32| FrontPoint {
         values: Values::new(),
         mark: mark(1e-7 * libm::pow(1.5, f64::from(i))),
-        comparison: same,
+        comparison: SAME,
     };
     Front {
         cost: CostKind::Energy,
@@ -176,17 +186,12 @@ fn table() -> EvaluationTable {
     let nan = f64::NAN;
     EvaluationTable {
         rows: vec![
-            row("Default", RowKind::Default, Some(20), [25.0, 0.634, 2.61, 3.182, 14.31]),
-            row("Tuned, joint", RowKind::Tuned, Some(20), [75.0, 0.417, 1.48, 0.47, 1.92]),
-            row("Tuned, LiDAR only", RowKind::Tuned, Some(20), [30.0, 0.66, 2.5, 2.904, 12.7]),
-            row(
-                "Tuned, registration only",
-                RowKind::Tuned,
-                Some(20),
-                [55.0, 0.489, 1.77, 0.886, 3.4],
-            ),
-            row("Paper, default", RowKind::Reference, Some(100), [18.1, 0.67, 2.64, nan, nan]),
-            row("Paper, joint", RowKind::Reference, Some(100), [60.0, 0.71, 1.71, nan, nan]),
+            row("Default", RowKind::Default, 20, [25.0, 0.634, 2.61, 3.182, 14.31]),
+            row("Tuned, joint", RowKind::Tuned, 20, [75.0, 0.417, 1.48, 0.47, 1.92]),
+            row("Tuned, LiDAR only", RowKind::Tuned, 20, [30.0, 0.66, 2.5, 2.904, 12.7]),
+            row("Tuned, registration only", RowKind::Tuned, 20, [55.0, 0.489, 1.77, 0.886, 3.4]),
+            row("Paper, default", RowKind::Reference, 100, [18.1, 0.67, 2.64, nan, nan]),
+            row("Paper, joint", RowKind::Reference, 100, [60.0, 0.71, 1.71, nan, nan]),
         ],
         data: DataConfig {
             success_translation_m: 1.0,
@@ -196,86 +201,81 @@ fn table() -> EvaluationTable {
     }
 }
 
-fn convergence(rng: &mut Generator) -> Convergence {
-    let mut c = Convergence {
-        default_fitness: Some(5.8),
-        fitness_name: "mean ‖T − T*‖ over 10 training pairs".into(),
-        ..Convergence::default()
-    };
-    for g in 0..GENERATIONS {
-        let t = g as f64;
-        let level = 0.32 + 5.2 * (-t / 7.0).exp();
-        let median = level * (1.0 + 0.12 * normal(rng)).max(0.6);
-        c.generation.push(g as u32 + 1);
-        c.best.push(median * (0.52 + 0.12 * rng.unit()));
-        c.lower_quartile.push(median * (0.72 + 0.08 * rng.unit()));
-        c.median.push(median);
-        c.upper_quartile.push(median * (1.3 + 0.5 * rng.unit()));
-        c.mean_point.push(if g == 12 { f64::NAN } else { level * (0.75 + 0.1 * rng.unit()) });
-        c.held_out.push(if g % 5 == 4 { level * (0.95 + 0.2 * rng.unit()) } else { f64::NAN });
-        c.sigma.push(0.3 * (-t / 18.0).exp() * (1.0 + 0.06 * normal(rng)));
-    }
-    c
-}
+/// Names, units, bounds, default and tuned value of the parameters; true: logarithmic.
+const PARAMETERS: [(&str, &str, [f64; 4], bool); 12] = [
+    ("noise_floor", "codes", [20.0, 800.0, 200.0, 92.0], true),
+    ("saturation", "codes", [2000.0, 4095.0, 3900.0, 3610.0], false),
+    ("min_width", "ns", [1.0, 20.0, 4.0, 6.3], false),
+    ("max_echoes", "", [1.0, 5.0, 3.0, 2.0], false),
+    ("threshold_decay", "1/m", [0.0001, 0.1, 0.01, 0.0021], true),
+    ("smoothing", "samples", [1.0, 15.0, 5.0, 7.0], false),
+    ("voxel", "m", [0.05, 1.0, 0.05, 0.47], true),
+    ("normal_radius", "m", [0.1, 3.0, 0.1, 1.42], true),
+    ("feature_radius", "m", [0.1, 8.0, 0.25, 3.61], true),
+    ("feature_neighbours", "", [10.0, 100.0, 30.0, 78.0], false),
+    ("max_pair_distance", "m", [0.05, 3.0, 0.025, 0.71], true),
+    ("iterations", "", [8.0, 128.0, 64.0, 128.0], false),
+];
 
-fn parameters(rng: &mut Generator) -> Vec<ParameterTrace> {
-    let axes: [(&str, &str, [f64; 4], bool); 12] = [
-        ("noise_floor", "codes", [20.0, 800.0, 200.0, 92.0], true),
-        ("saturation", "codes", [2000.0, 4095.0, 3900.0, 3610.0], false),
-        ("min_width", "ns", [1.0, 20.0, 4.0, 6.3], false),
-        ("max_echoes", "", [1.0, 5.0, 3.0, 2.0], false),
-        ("threshold_decay", "1/m", [0.0001, 0.1, 0.01, 0.0021], true),
-        ("smoothing", "samples", [1.0, 15.0, 5.0, 7.0], false),
-        ("voxel", "m", [0.05, 1.0, 0.05, 0.47], true),
-        ("normal_radius", "m", [0.1, 3.0, 0.1, 1.42], true),
-        ("feature_radius", "m", [0.1, 8.0, 0.25, 3.61], true),
-        ("feature_neighbours", "", [10.0, 100.0, 30.0, 78.0], false),
-        ("max_pair_distance", "m", [0.05, 3.0, 0.025, 0.71], true),
-        ("iterations", "", [8.0, 128.0, 64.0, 128.0], false),
-    ];
-    axes.iter().map(|(name, unit, v, log)| trace(rng, name, unit, *v, *log)).collect()
-}
-
-fn trace(
-    rng: &mut Generator,
-    name: &str,
-    unit: &str,
-    [min, max, default, tuned]: [f64; 4],
-    log: bool,
-) -> ParameterTrace {
-    let real = |u: f64| {
-        let u = u.clamp(0.0, 1.0);
-        if log { min * (max / min).powf(u) } else { min + u * (max - min) }
-    };
-    let unit_of = |v: f64| {
-        if log { (v / min).ln() / (max / min).ln() } else { (v - min) / (max - min) }
-    };
-    let (from, to) = (unit_of(default.clamp(min, max)), unit_of(tuned));
-    let pace = 3.0 + 9.0 * rng.unit();
-    let keep = 0.25 + 0.6 * rng.unit();
-    let mut trace = ParameterTrace {
+fn axes() -> Vec<AxisRecord> {
+    let axis = |&(name, unit, [min, max, ..], log): &(&str, &str, [f64; 4], bool)| AxisRecord {
         name: name.into(),
         unit: unit.into(),
+        scale: if log { Scale::Log } else { Scale::Linear },
         min,
         max,
-        log,
-        default,
-        tuned,
-        ..ParameterTrace::default()
     };
-    for g in 0..GENERATIONS {
-        let t = g as f64;
-        let mean = to + (from - to) * (-t / pace).exp() + 0.015 * normal(rng);
-        let std = 0.28 * (-t / 30.0 / keep).exp();
-        trace.mean.push(real(mean));
-        trace.low.push(real(mean - std));
-        trace.high.push(real(mean + std));
-    }
-    trace
+    PARAMETERS.iter().map(axis).collect()
 }
 
-fn correlation(rng: &mut Generator, parameters: &[ParameterTrace]) -> Correlation {
-    let n = parameters.len();
+/// The default values, or the tuned ones.
+fn values(which: usize) -> Values {
+    PARAMETERS.iter().map(|(name, _, values, _)| ((*name).to_owned(), values[which])).collect()
+}
+
+/// A search that goes from the default to the tuned values, each at its own pace.
+fn generations(
+    rng: &mut Generator,
+    axes: &[AxisRecord],
+    [default, tuned]: [&Values; 2],
+) -> Vec<Generation> {
+    let paces: Vec<[f64; 2]> =
+        axes.iter().map(|_| [3.0 + 9.0 * rng.unit(), 0.25 + 0.6 * rng.unit()]).collect();
+    let mut generation = |number: u32| {
+        let t = f64::from(number);
+        let level = 0.32 + 5.2 * libm::exp(-t / 7.0);
+        let mut candidate = |_| CandidateRecord {
+            point: Vec::new(),
+            values: Values::new(),
+            repaired: Vec::new(),
+            settings: 0,
+            errors: Vec::new(),
+            fitness: level * (1.0 + 0.3 * normal(rng)).max(0.4),
+            cost: None,
+        };
+        let candidates = (0..12).map(&mut candidate).collect();
+        let mean = axes.iter().zip(&paces).map(|(record, [pace, _])| {
+            let axis = record.axis();
+            let cube =
+                |values: &Values| axis.to_cube(values[&record.name].clamp(record.min, record.max));
+            let (from, to) = (cube(default), cube(tuned));
+            let mean = to + (from - to) * libm::exp(-t / pace) + 0.015 * normal(rng);
+            mean.clamp(0.0, 1.0)
+        });
+        Generation {
+            generation: number,
+            stage: "joint".into(),
+            pairs: vec![0, 1],
+            mean: mean.collect(),
+            deviations: paces.iter().map(|[_, keep]| 0.28 * libm::exp(-t / 30.0 / keep)).collect(),
+            sigma: 0.3 * libm::exp(-t / 18.0) * (1.0 + 0.06 * normal(rng)),
+            candidates,
+        }
+    };
+    (0..GENERATIONS).map(&mut generation).collect()
+}
+
+fn correlations(rng: &mut Generator, n: usize) -> Vec<Vec<f64>> {
     let mut lower = |row: usize, column: usize| {
         let strong = (row, column) == (8, 7) || (row, column) == (7, 6);
         let r: f64 = if strong { 0.61 + 0.1 * rng.unit() } else { 0.16 * normal(rng) };
@@ -287,12 +287,7 @@ fn correlation(rng: &mut Generator, parameters: &[ParameterTrace]) -> Correlatio
         Ordering::Greater => rows[row][column],
         Ordering::Less => rows[column][row],
     };
-    let matrix = (0..n).map(|row| (0..n).map(|column| entry(row, column)).collect()).collect();
-    Correlation {
-        names: parameters.iter().map(|p| p.name.clone()).collect(),
-        matrix,
-        covariance_learned: Some(0.56),
-    }
+    (0..n).map(|row| (0..n).map(|column| entry(row, column)).collect()).collect()
 }
 
 /// An error of a pair; NaN is unknown.
@@ -308,62 +303,48 @@ pub(crate) fn error(translation_m: f64, rotation_deg: f64) -> PairError {
     }
 }
 
-fn pair_errors(rng: &mut Generator) -> Vec<PairErrors> {
+/// Errors of 20 pairs before and after tuning.
+fn pair_errors(rng: &mut Generator) -> [Vec<PairError>; 2] {
     let drawn = |rng: &mut Generator, fails: bool| {
         let t: f64 = if fails { 1.2 + 5.0 * rng.unit() } else { 0.2 + 0.6 * rng.unit() };
         error(t, t * (2.0 + 4.0 * rng.unit()))
     };
-    (0..20)
-        .map(|i| {
-            let (fails, still) = (i % 4 != 0, i % 4 == 1);
-            let mut pair = PairErrors {
-                label: format!("town {} pair {i:02}", i % 3 + 1),
-                default: drawn(rng, fails),
-                tuned: drawn(rng, still || i == 8),
-            };
-            if i == 5 {
-                pair.default = error(f64::NAN, f64::NAN);
-            }
-            pair
-        })
-        .collect()
+    let pair = |pair: usize| {
+        let (fails, still) = (pair % 4 != 0, pair % 4 == 1);
+        let [before, after] = [fails, still || pair == 8].map(|fails| drawn(rng, fails));
+        let before = if pair == 5 { error(f64::NAN, f64::NAN) } else { before };
+        [before, after].map(|error| PairError { pair, ..error })
+    };
+    let (before, after) = (0..20).map(pair).map(|[before, after]| (before, after)).unzip();
+    [before, after]
 }
 
 /// One scene seen from two places: before, the source lies wrong and noisy; after, it lies right.
-fn clouds(rng: &mut Generator) -> PairClouds {
-    let moved = |cloud: CloudLayer, yaw: f32, [dx, dy]: [f32; 2]| CloudLayer {
-        points: cloud
-            .points
-            .iter()
-            .map(|[x, y, z]| {
-                let (s, c) = yaw.sin_cos();
-                [c * x - s * y + dx, s * x + c * y + dy, *z]
-            })
-            .collect(),
-        ..cloud
+fn clouds(rng: &mut Generator) -> [[Cloud; 2]; 2] {
+    let moved = |cloud: Cloud, yaw: f32, [dx, dy]: [f32; 2]| {
+        let (s, c) = yaw.sin_cos();
+        let points = cloud.points.iter();
+        let moved =
+            points.map(|p| Point3::new(c * p.x - s * p.y + dx, s * p.x + c * p.y + dy, p.z));
+        Cloud::new(moved.collect())
     };
     let source = scan(rng, [4.6, 1.9], 0.06);
-    PairClouds {
-        label: "town 2 pair 07".into(),
-        before: [scan(rng, [0.0, 0.0], 0.06), moved(source, 0.21, [2.4, -2.2])],
-        after: [scan(rng, [0.0, 0.0], 0.02), moved(scan(rng, [4.6, 1.9], 0.02), 0.012, [0.2, 0.1])],
-        before_error: Some(error(3.252, 12.03)),
-        after_error: Some(error(0.224, 0.69)),
-    }
+    let before = [scan(rng, [0.0, 0.0], 0.06), moved(source, 0.21, [2.4, -2.2])];
+    let after =
+        [scan(rng, [0.0, 0.0], 0.02), moved(scan(rng, [4.6, 1.9], 0.02), 0.012, [0.2, 0.1])];
+    [before, after]
 }
 
 /// 12,000 echoes of hills, trees and two huts, denser near the sensor.
-fn scan(rng: &mut Generator, [sx, sy]: [f64; 2], noise: f64) -> CloudLayer {
-    let mut cloud = CloudLayer::default();
-    let mut push = |rng: &mut Generator, [x, y, z]: [f64; 3], intensity: f64| {
-        let p = [x, y, z].map(|c| (c + noise * normal(rng)) as f32);
-        cloud.points.push(p);
-        cloud.intensity.push(intensity as f32);
+fn scan(rng: &mut Generator, [sx, sy]: [f64; 2], noise: f64) -> Cloud {
+    let mut points = Vec::new();
+    let mut push = |rng: &mut Generator, p: [f64; 3]| {
+        points.push(Point3::from(p.map(|c| (c + noise * normal(rng)) as f32)));
     };
     for _ in 0..7000 {
         let (range, angle) = (3.0 * 14f64.powf(rng.unit()), (rng.unit() - 0.5) * 3.1);
         let (x, y) = (sx + range * angle.cos(), sy + range * angle.sin());
-        push(rng, [x, y, ground(x, y)], 0.3);
+        push(rng, [x, y, ground(x, y)]);
     }
     for _ in 0..3600 {
         let [x, y, height] = tree((rng.unit() * 26.0) as u64);
@@ -371,16 +352,16 @@ fn scan(rng: &mut Generator, [sx, sy]: [f64; 2], noise: f64) -> CloudLayer {
         let crown = if up < 0.3 { 0.15 } else { 1.5 * (1.25 - up) };
         let angle = rng.unit() * std::f64::consts::TAU;
         let (dx, dy) = (crown * angle.cos(), crown * angle.sin());
-        push(rng, [x + dx, y + dy, ground(x, y) + height * up], 0.7);
+        push(rng, [x + dx, y + dy, ground(x, y) + height * up]);
     }
     for i in 0..1400 {
         let (cx, cy) = if i % 2 == 0 { (14.0, -7.0) } else { (22.0, 9.0) };
         let along = (rng.unit() - 0.5) * 6.0;
         let (x, y) = if i % 3 == 0 { (cx + along, cy) } else { (cx - 3.0, cy + along) };
         let z = ground(cx, cy) + 3.2 * rng.unit();
-        push(rng, [x, y, z], 0.9);
+        push(rng, [x, y, z]);
     }
-    cloud
+    Cloud::new(points)
 }
 
 fn ground(x: f64, y: f64) -> f64 {
