@@ -63,10 +63,6 @@ pub struct ExternalSearch<'a> {
 
 impl<'a> ExternalSearch<'a> {
     /// Evaluates the start, with which costs are compared. `done` hears of each pair.
-    ///
-    /// # Errors
-    ///
-    /// [`SensorError`].
     pub fn new(
         prepared: &'a Prepared,
         which: PairSet,
@@ -89,10 +85,6 @@ impl<'a> ExternalSearch<'a> {
     }
 
     /// Answer to the next line that is not blank; none at the end of the input.
-    ///
-    /// # Errors
-    ///
-    /// [`ExternalSearchError`].
     pub fn next(&mut self, input: &mut impl BufRead) -> Result<Option<Value>, ExternalSearchError> {
         while let Some(text) = next_line(input)? {
             self.lines += 1;

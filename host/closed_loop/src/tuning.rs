@@ -70,10 +70,6 @@ pub fn search_and_judge(
 
 /// Searches the front, where the configuration asks for one, with a journal of its own. With
 /// `repair` the damaged end of that journal is dropped.
-///
-/// # Errors
-///
-/// [`TuneError`].
 pub fn search_front(
     search: &TuneSearch<'_>,
     (tuned, judged): &(Tuned, Judged),
@@ -164,10 +160,6 @@ pub enum WriteRunError {
 }
 
 /// Writes tuned configuration, result and the clouds of the shown pair into a run folder.
-///
-/// # Errors
-///
-/// [`WriteRunError`].
 pub fn write_run(
     folder: &RunFolder,
     prepared: &Prepared,

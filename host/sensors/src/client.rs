@@ -247,10 +247,6 @@ impl<T: Transport> Client<T> {
     }
 
     /// Reads the active settings. After an error it greets again first.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn read_settings(&mut self) -> Result<Settings, ClientError> {
         if self.unsure {
             self.greet()?;
@@ -266,19 +262,11 @@ impl<T: Transport> Client<T> {
     }
 
     /// Active settings, read from the sensor only where this side is unsure.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn settings(&mut self) -> Result<Settings, ClientError> {
         if self.unsure { self.read_settings() } else { Ok(self.settings) }
     }
 
     /// Reads the sensor's counters of link errors.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn read_counters(&mut self) -> Result<Counters, ClientError> {
         match self.ask(&Command::ReadCounters)? {
             Report::Counters(counters) => Ok(counters),
@@ -287,19 +275,11 @@ impl<T: Transport> Client<T> {
     }
 
     /// Sets the deadline of a scan, µs, 0 for none, and restarts its statistics.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn set_deadline(&mut self, scan_us: u32) -> Result<Times, ClientError> {
         self.ask_times(&Command::SetDeadline { scan_us })
     }
 
     /// Reads the durations of scans since the deadline was set.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn read_times(&mut self) -> Result<Times, ClientError> {
         self.ask_times(&Command::ReadTimes)
     }
@@ -449,10 +429,6 @@ impl<T: Transport> Client<T> {
     }
 
     /// Reads the sensor's room for waveforms.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn read_room(&mut self) -> Result<Room, ClientError> {
         match self.ask(&Command::ReadRoom)? {
             Report::Room(room) => Ok(room),

@@ -11,10 +11,6 @@ use crate::config::RunConfig;
 impl Dataset {
     /// Dataset with one held-out pair, that of [`Self::build`] at `index` of `test`; `None` beyond
     /// the last. Only this pair is traced.
-    ///
-    /// # Errors
-    ///
-    /// [`DatasetError`].
     pub fn held_out(config: &RunConfig, index: usize) -> Result<Option<Self>, DatasetError> {
         if !is_traced(config) {
             let mut all = Self::build(config, &|_, _| ())?;

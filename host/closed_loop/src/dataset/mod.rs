@@ -78,10 +78,6 @@ impl Dataset {
     /// Makes or loads the scenes, finds viewpoints and traces every scan. Reads the scans instead
     /// where `scene.stored` names a file or `scene.source` a folder of recordings. `progress` is
     /// called with the fraction done, 0 to 1, and a few words.
-    ///
-    /// # Errors
-    ///
-    /// [`DatasetError`].
     pub fn build(config: &RunConfig, progress: &dyn Fn(f64, &str)) -> Result<Self, DatasetError> {
         Self::of(config, 0, progress)
     }
@@ -89,10 +85,6 @@ impl Dataset {
     /// As [`Self::build`], with `data.check_pairs` pairs of [`Self::check`]. They are drawn after
     /// the training pairs, at the baseline of the held-out ones. A town without room for its share
     /// has none, nor have stored and recorded pairs.
-    ///
-    /// # Errors
-    ///
-    /// [`DatasetError`].
     pub fn build_with_check(
         config: &RunConfig,
         progress: &dyn Fn(f64, &str),
@@ -166,10 +158,6 @@ pub fn towns(config: &RunConfig) -> Vec<u64> {
 }
 
 /// Makes or loads one town.
-///
-/// # Errors
-///
-/// [`DatasetError`].
 pub fn place(config: &RunConfig, town: u64) -> Result<Place, DatasetError> {
     let scene = Source::of(&config.scene.source).scene(&config.scene, town)?;
     let caster = Raycaster::new(&scene);

@@ -113,10 +113,6 @@ pub fn stored(config: &RunConfig, dataset: &Dataset) -> Result<Vec<u8>, String> 
 }
 
 /// Configuration that the pairs of a file were traced with.
-///
-/// # Errors
-///
-/// [`StoreError`].
 pub fn stored_config(path: &Path) -> Result<RunConfig, StoreError> {
     let fail = |what: String| StoreError { path: path.to_owned(), what };
     let bytes = read_data(path).map_err(|error| fail(format!("cannot be read: {error}")))?;

@@ -51,19 +51,11 @@ impl AtomicFolder {
     }
 
     /// Writes a file of the folder.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) -> Result<(), FileError> {
         replace(&self.part.join(name), content.as_ref())
     }
 
     /// Writes a table as a file of the folder.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn write_toml(&self, name: &str, table: &impl Serialize) -> Result<(), FileError> {
         let text = toml::to_string(table)
             .map_err(io::Error::other)

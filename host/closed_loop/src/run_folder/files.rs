@@ -106,10 +106,6 @@ pub fn is_at(_: &File, path: &Path) -> bool {
 }
 
 /// Opens a regular file, and refuses a link, a FIFO or a folder.
-///
-/// # Errors
-///
-/// [`FileError`].
 pub fn open_own(path: &Path, options: &OpenOptions) -> Result<File, FileError> {
     is_free_for_a_file(path)?;
     let file = options.open(path).map_err(file_error("open", path))?;
@@ -139,10 +135,6 @@ pub fn begin_part(part: &Path) -> Result<File, FileError> {
 }
 
 /// Moves a part file to its place: the content durable first, then renamed, then the name durable.
-///
-/// # Errors
-///
-/// [`FileError`].
 pub fn settle_part(file: &File, part: &Path, path: &Path) -> Result<(), FileError> {
     file.sync_all().map_err(file_error("write", part))?;
     is_free_for_a_file(path)?;
@@ -170,10 +162,6 @@ pub fn sync_folder_of(_: &Path) -> Result<(), FileError> {
 }
 
 /// Makes a folder and its missing parents, durably.
-///
-/// # Errors
-///
-/// [`FileError`].
 pub fn make_folders(folder: &Path) -> Result<(), FileError> {
     let is_missing = |path: &&Path| !path.as_os_str().is_empty() && !path.exists();
     let missing: Vec<&Path> = folder.ancestors().take_while(is_missing).collect();
@@ -235,10 +223,6 @@ impl Output {
     }
 
     /// Writes the file, whole or not at all. To a device or a pipe it writes what is taken.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn write(&self, bytes: &[u8]) -> Result<(), FileError> {
         if self.is_stream {
             let opened = OpenOptions::new().write(true).open(&self.path);
@@ -263,10 +247,6 @@ pub struct Lock {
 
 impl Lock {
     /// Takes the lock. Refuses when another process holds it.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn take(path: &Path) -> Result<Self, FileError> {
         let mut options = OpenOptions::new();
         let file = open_own(path, options.write(true).create(true).truncate(false))?;

@@ -84,10 +84,6 @@ impl About {
     }
 
     /// Adds this process to the provenance of a run's folder.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn record(mut self, folder: &RunFolder) -> Result<(), FileError> {
         self.format = FORMAT;
         self.sessions.push(Session::now());

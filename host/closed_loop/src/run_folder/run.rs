@@ -283,28 +283,16 @@ impl RunFolder {
     }
 
     /// Writes a file as a whole, durably.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) -> Result<(), FileError> {
         replace(&self.file(name), content.as_ref())
     }
 
     /// Writes the configuration with every value.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn write_config(&self, config: &RunConfig) -> Result<(), FileError> {
         self.write_as(CONFIG, config)
     }
 
     /// Writes the configuration that starts with the tuned parameters.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn write_tuned(&self, config: &RunConfig) -> Result<(), FileError> {
         self.write_as(TUNED, config)
     }
@@ -318,10 +306,6 @@ impl RunFolder {
     }
 
     /// Writes the result.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn write_result(&self, result: &RunResult) -> Result<(), FileError> {
         let path = self.file(RESULT);
         let text = serde_json::to_string_pretty(result)
@@ -332,10 +316,6 @@ impl RunFolder {
 
     /// Renames a journal that the run will not resume. Does nothing when there is none; replaces
     /// one that was put aside before.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn put_aside(&self, name: &str) -> Result<(), FileError> {
         let path = self.file(name);
         if !path.exists() {
@@ -347,10 +327,6 @@ impl RunFolder {
     }
 
     /// Points the link `latest` in the parent folder here. Without links, a file holds the name.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn become_latest(&self) -> Result<(), FileError> {
         let (Some(runs), Some(name)) = (self.path.parent(), self.path.file_name()) else {
             return Ok(());

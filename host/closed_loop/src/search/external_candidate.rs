@@ -21,10 +21,6 @@ pub struct Judge<'a> {
 
 impl<'a> Judge<'a> {
     /// Judges the start, with which costs are compared. `done` is called after each pair.
-    ///
-    /// # Errors
-    ///
-    /// [`SensorError`].
     pub fn new(
         config: &'a RunConfig,
         bench: Bench<'a>,
@@ -46,10 +42,6 @@ impl<'a> Judge<'a> {
     }
 
     /// Summary of a candidate over all pairs, and the fitness that a search would minimise.
-    ///
-    /// # Errors
-    ///
-    /// [`SensorError`].
     pub fn evaluate(&self, candidate: &Parameters) -> Result<(Summary, f64), SensorError> {
         self.evaluate_with(candidate, &|| ())
     }

@@ -205,10 +205,6 @@ impl TuneSearch<'_> {
     }
 
     /// Evaluates parameters on the held-out pairs.
-    ///
-    /// # Errors
-    ///
-    /// [`SensorError`].
     pub fn judge(
         &self,
         parameters: &Parameters,

@@ -282,10 +282,6 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 impl<F: FrontEnd> Qemu<F> {
     /// Starts a sensor. `hardware.adc_bits` is taken from the front end. A machine without a front
     /// end in memory has its own hardware and pattern, and ignores the arguments.
-    ///
-    /// # Errors
-    ///
-    /// [`QemuError`].
     pub fn start(
         options: &QemuOptions,
         front_end: F,

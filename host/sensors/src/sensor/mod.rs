@@ -169,10 +169,6 @@ pub struct Sensor {
 
 impl Sensor {
     /// Sensor in this process.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn in_process(model: &Model) -> Result<Self, ClientError> {
         let front_end = Arc::new(Mutex::new(model.front_end()));
         let sensor = PcSensor::new(Arc::clone(&front_end), model.pattern, model.hardware);
@@ -181,10 +177,6 @@ impl Sensor {
     }
 
     /// As [`Sensor::in_process`], fed waveforms over its link.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn in_process_fed(model: &Model) -> Result<Self, ClientError> {
         let sensor = PcSensor::new(model.front_end(), model.pattern, model.hardware);
         let sensor = model.detector.of(sensor);
@@ -192,10 +184,6 @@ impl Sensor {
     }
 
     /// Sensor behind a line, with a front end simulated here.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn simulated(
         line: Line,
         front_end: SharedFrontEnd,
@@ -208,10 +196,6 @@ impl Sensor {
     }
 
     /// Sensor behind a line, on a turntable of its own.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn numbered(line: Line, retry_policy: RetryPolicy) -> Result<Self, ClientError> {
         Ok(Self {
             client: Client::connect(line, retry_policy)?,
@@ -220,10 +204,6 @@ impl Sensor {
     }
 
     /// Sensor behind a line, fed waveforms over it: it has no front end, or its own is not used.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn fed(line: Line, model: &Model, retry_policy: RetryPolicy) -> Result<Self, ClientError> {
         let mut client = Client::connect(line, retry_policy)?;
         let room = client.read_room()?;
@@ -269,10 +249,6 @@ impl Sensor {
     }
 
     /// Sets the view and scans it.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn scan(&mut self, view: &View<'_>) -> Result<Vec<Echoes>, ClientError> {
         let Self { client, view_control } = self;
         match view_control {
@@ -294,10 +270,6 @@ impl Sensor {
     }
 
     /// Commits settings, and returns their hash.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn configure(&mut self, settings: &Settings) -> Result<u32, ClientError> {
         self.client.configure(settings)
     }

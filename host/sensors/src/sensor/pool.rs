@@ -80,10 +80,6 @@ impl Sensors {
     }
 
     /// Identity of the sensors; opens the first.
-    ///
-    /// # Errors
-    ///
-    /// [`SensorError`].
     pub fn identity(&self) -> Result<Identity, SensorError> {
         self.with(|sensor| Ok(sensor.identity().clone()))
     }
