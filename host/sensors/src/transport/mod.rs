@@ -3,14 +3,12 @@
 mod in_process;
 #[cfg(unix)]
 mod qemu;
-mod recording;
 mod serial;
 
 use std::io;
 use std::time::{Duration, Instant};
 
 pub use in_process::InProcess;
-pub use recording::{Conversation, Direction, Recording};
 pub use serial::{NativePort, Serial};
 
 /// Time without a byte taken after which a line is lost.
