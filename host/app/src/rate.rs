@@ -96,14 +96,14 @@ fn measure(args: &RateArgs, config: &RunConfig) -> Result<Times, Failure> {
     let progress = Progress::new(args.setup.common.quiet);
     let times = sensors.with(|sensor| {
         sensor.configure(&config.lidar.0)?;
-        sensor.client().set_deadline(deadline_us)?;
+        sensor.client.set_deadline(deadline_us)?;
         progress.begin("scans", args.scans.into());
         for scan in 1..=args.scans {
             sensor.scan(&View { scene: &nothing, noise_seed: 0, scan, viewpoint: scan })?;
             progress.at(scan.into());
         }
         progress.end();
-        sensor.client().read_times()
+        sensor.client.read_times()
     })?;
     let is_whole = (times.deadline_us, times.scans) == (deadline_us, args.scans);
     if times.clock && !is_whole {

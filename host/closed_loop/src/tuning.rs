@@ -21,7 +21,7 @@ use crate::search::{Observer, Stage, TuneError, TuneSearch, Tuned};
 use crate::seed::{Purpose, derive};
 use echoloop_dsp::ScanPattern;
 use echoloop_registration::cloud::{Cloud, CloudFormat};
-use echoloop_sensors::pattern::{described, size};
+use echoloop_sensors::pattern::size;
 use echoloop_sensors::sensor::SensorError;
 
 /// Errors on the held-out pairs.
@@ -137,7 +137,7 @@ fn background(search: &TuneSearch<'_>, tuned: &Tuned) -> Background {
         triangles: dataset.triangles,
         beams: match pattern {
             ScanPattern::Grid(_) => size(pattern),
-            _ => described(pattern),
+            _ => pattern.to_string(),
         },
         places: dataset.test.iter().map(|pair| pair.place.clone()).collect(),
         stages: stages.iter().filter(was_made).map(StageRecord::from).collect(),

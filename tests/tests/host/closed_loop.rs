@@ -416,7 +416,7 @@ fn every_candidate_is_recorded_with_the_sensor_s_hash_of_its_settings() {
         assert_eq!(by_name, search.space.parameters(&candidate.point).0);
         assert_eq!(candidate.settings, settings_hash(&by_name.settings));
         assert_eq!(sensor.configure(&by_name.settings).expect("accepted"), candidate.settings);
-        assert_eq!(sensor.client().read_settings().expect("settings"), by_name.settings);
+        assert_eq!(sensor.client.read_settings().expect("settings"), by_name.settings);
         assert_eq!(candidate.fitness, Worth::from(&config.tune).of(&candidate.errors));
     }
     let different: BTreeSet<u32> = candidates.iter().map(|c| c.settings).collect();

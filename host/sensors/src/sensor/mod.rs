@@ -6,7 +6,6 @@
 //! end makes here: [`Sensor::fed`].
 
 mod board_log;
-mod boards;
 mod configured;
 mod pool;
 mod qemu;
@@ -25,14 +24,13 @@ use echoloop_parameters::Value;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::client::{Client, ClientError, Identity, RetryPolicy};
+use crate::client::{Client, ClientError, RetryPolicy};
 use crate::transport::{InProcess, Serial, Transport};
 use echoloop_frontend::{FrontEnd, Receiver, WaveformFrontEnd};
 
 pub use board_log::{BoardLog, LogSource, LogSourceError};
 pub use pool::Sensors;
-pub use qemu::QemuOptions;
-pub use qemu::end_emulators;
+pub use qemu::{QemuOptions, end_emulators};
 pub use spec::{FrontEndAt, Port, SensorSpec, SpecError};
 
 /// Line to a sensor of any kind.
@@ -163,7 +161,8 @@ enum ViewControl {
 
 /// Sensor and its view.
 pub struct Sensor {
-    client: Client<Line>,
+    /// Client of the sensor.
+    pub client: Client<Line>,
     view_control: ViewControl,
 }
 
@@ -211,33 +210,21 @@ impl Sensor {
         Ok(Self { client, view_control: ViewControl::Fed(Box::new(shots), room) })
     }
 
-    /// Board on a serial port.
+    /// Board on a serial port; fed waveforms over it where there is a model to make them by.
     ///
     /// # Errors
     ///
     /// [`SensorError::Open`] with the port and the reason.
-    pub fn serial(port: &Port) -> Result<Self, SensorError> {
-        Self::on_port(port, Self::numbered)
-    }
-
-    /// Board on a serial port, fed waveforms over it.
-    ///
-    /// # Errors
-    ///
-    /// As [`Sensor::serial`].
-    pub fn serial_fed(port: &Port, model: &Model) -> Result<Self, SensorError> {
-        Self::on_port(port, |line, retry_policy| Self::fed(line, model, retry_policy))
-    }
-
-    fn on_port(
-        port: &Port,
-        connect: impl FnOnce(Line, RetryPolicy) -> Result<Self, ClientError>,
-    ) -> Result<Self, SensorError> {
-        let name = || SensorSpec::Serial(port.clone());
+    pub fn serial(port: &Port, fed_by: Option<&Model>) -> Result<Self, SensorError> {
+        let name = SensorSpec::Serial(port.clone());
         let line = Serial::open(&port.path, port.baud)
-            .map_err(|reason| SensorError::open(name(), reason))?;
-        connect(Box::new(line), Serial::retry_policy(port.baud))
-            .map_err(SensorError::client(name()))
+            .map_err(|reason| SensorError::open(&name, reason))?;
+        let (line, retry_policy) = (Box::new(line), Serial::retry_policy(port.baud));
+        match fed_by {
+            None => Self::numbered(line, retry_policy),
+            Some(model) => Self::fed(line, model, retry_policy),
+        }
+        .map_err(SensorError::client(&name))
     }
 
     /// Room for waveforms of a fed sensor; `None` of others.
@@ -272,16 +259,6 @@ impl Sensor {
     /// Commits settings, and returns their hash.
     pub fn configure(&mut self, settings: &Settings) -> Result<u32, ClientError> {
         self.client.configure(settings)
-    }
-
-    /// Identity of the sensor.
-    pub fn identity(&self) -> &Identity {
-        self.client.identity()
-    }
-
-    /// Client of the sensor.
-    pub fn client(&mut self) -> &mut Client<Line> {
-        &mut self.client
     }
 }
 

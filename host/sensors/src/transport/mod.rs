@@ -1,8 +1,6 @@
 //! Transports of the link's bytes.
 
 mod in_process;
-#[cfg(unix)]
-mod qemu;
 mod serial;
 
 use std::io;
@@ -56,6 +54,11 @@ impl<T: Transport + ?Sized> Transport for Box<T> {
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
         (**self).receive(buffer, timeout)
     }
+}
+
+/// True when a call may be repeated: it was interrupted, or would block.
+pub(super) fn may_go_on(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::Interrupted | io::ErrorKind::WouldBlock)
 }
 
 /// Sends all bytes, or until `stop` returns true.
