@@ -278,18 +278,8 @@ fn trace(
     }
 }
 
-/// Response of a single scan from a pose, as viewpoint 1.
-pub fn respond(
-    config: &RunConfig,
-    place: &Place,
-    world_from_sensor: &Pose,
-    beams: &Beams,
-) -> SceneResponse {
-    respond_at(config, place, world_from_sensor, 1, beams)
-}
-
-/// Response of the scan of a viewpoint. The pose of a moving sensor is that in the middle of the
-/// scan.
+/// Response of the scan of a viewpoint, 1 for a single scan. The pose of a moving sensor is that in
+/// the middle of the scan.
 pub fn respond_at(
     config: &RunConfig,
     place: &Place,
@@ -328,17 +318,20 @@ fn response(
     )
 }
 
+/// Configuration with these values set.
+#[cfg(test)]
+fn configured(sets: &[&str]) -> RunConfig {
+    let overrides: Vec<_> = sets.iter().map(|set| set.parse().expect("an override")).collect();
+    crate::config::load(None, &overrides).expect("a configuration")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{Override, load};
 
     fn config(more: &[&str]) -> RunConfig {
         let few = ["scanner.columns=24", "scanner.rows=8", "data.train_pairs=4"];
-        let few = few.into_iter().chain(["data.test_pairs=3", "data.check_pairs=5"]);
-        let set: Vec<Override> =
-            few.chain(more.iter().copied()).map(|t| t.parse().unwrap()).collect();
-        load(None, &set).unwrap()
+        configured(&[&few[..], &["data.test_pairs=3", "data.check_pairs=5"], more].concat())
     }
 
     fn truths(pairs: &[ScanPair]) -> Vec<(String, Pose)> {

@@ -16,7 +16,7 @@ use echoloop_sensors::client::ClientError;
 use echoloop_sensors::sensor::{Sensor, SensorError, Sensors, View};
 
 /// Error of one registered pair.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PairError {
     /// Index of the pair in its set.
@@ -221,16 +221,8 @@ mod tests {
     use super::*;
 
     fn errors(frobenius: &[f64]) -> Vec<PairError> {
-        let error = |(pair, &frobenius): (usize, &f64)| PairError {
-            pair,
-            translation_m: 0.1,
-            rotation_deg: 7.0,
-            frobenius,
-            points: [100, 200],
-            stop: String::new(),
-            iterations: 1,
-        };
-        frobenius.iter().enumerate().map(error).collect()
+        let rest = PairError { translation_m: 0.1, rotation_deg: 7.0, ..PairError::default() };
+        frobenius.iter().map(|&frobenius| PairError { frobenius, ..rest.clone() }).collect()
     }
 
     #[test]
