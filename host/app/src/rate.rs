@@ -161,10 +161,10 @@ fn table(rate: &Rate) -> String {
         let _ = writeln!(
             text,
             "{:<12} {:<14} {:<11} {:>5} {:>14.0} {:>9} {:>14.0}",
-            p.processor,
-            p.loops,
-            p.part,
-            p.clock_mhz,
+            p.processor.name,
+            p.processor.loops,
+            p.processor.part,
+            p.processor.clock_mhz,
             p.instructions_a_beam,
             rounded(p.scans_a_second),
             p.clock_mhz_needed
