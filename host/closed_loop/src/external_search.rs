@@ -68,9 +68,7 @@ impl<'a> ExternalSearch<'a> {
         which: PairSet,
         done: &(dyn Fn() + Sync),
     ) -> Result<Self, SensorError> {
-        let (config, bench, noisy) = (&prepared.config, prepared.bench(), prepared.pairs(which));
-        let judge = Judge::new(config, bench, prepared.hardware, &prepared.start, noisy, done)?;
-        Ok(Self { prepared, judge, which, lines: 0 })
+        Ok(Self { prepared, judge: Judge::new(prepared, which, done)?, which, lines: 0 })
     }
 
     /// First line out: sensor, pairs, axes and start.
@@ -162,7 +160,7 @@ impl<'a> ExternalSearch<'a> {
 
     fn judged(&self, (parameters, repaired): &Asked) -> Result<Value, SensorError> {
         let values = parameters.values(&self.prepared.config);
-        let (summary, fitness) = self.judge.evaluate(parameters)?;
+        let (summary, fitness) = self.judge.evaluate(parameters, &|| ())?;
         let mut answer = json!({
             "fitness": fitness, "parameters": values_json(&values), "summary": summary,
         });

@@ -15,7 +15,7 @@ use crate::prepared::Prepared;
 use crate::run_folder::files::FileError;
 use crate::run_folder::journal::{Generation, Journal};
 use crate::run_folder::run::{
-    AFTER, AxisRecord, BEFORE, Background, FRONT, RunFolder, RunResult, StageRecord,
+    AFTER, AxisRecord, BEFORE, Background, FRONT, RESULT, RunFolder, RunResult, TUNED,
 };
 use crate::search::{Observer, Stage, TuneError, TuneSearch, Tuned};
 use crate::seed::{Purpose, derive};
@@ -140,7 +140,7 @@ fn background(search: &TuneSearch<'_>, tuned: &Tuned) -> Background {
             _ => pattern.to_string(),
         },
         places: dataset.test.iter().map(|pair| pair.place.clone()).collect(),
-        stages: stages.iter().filter(was_made).map(StageRecord::from).collect(),
+        stages: stages.iter().filter(was_made).cloned().collect(),
         axes: axes.iter().map(AxisRecord::from).collect(),
         correlated: last.iter().map(|&axis| axes[axis].name.to_owned()).collect(),
         correlations: tuned.correlations.clone(),
@@ -166,8 +166,8 @@ pub fn write_run(
     tuned: &Parameters,
     result: &RunResult,
 ) -> Result<(), WriteRunError> {
-    folder.write_tuned(&tuned.as_start_of(&prepared.config))?;
-    folder.write_result(result)?;
+    folder.write_toml(TUNED, &tuned.as_start_of(&prepared.config))?;
+    folder.write_json(RESULT, result)?;
     let index = result.shown_pair();
     let pair = &prepared.dataset.test[index];
     let noise = derive(prepared.config.seed, Purpose::TestNoise, index as u64);

@@ -185,7 +185,7 @@ fn the_paper_s_search_evaluates_all_pairs_and_takes_the_best_candidate() {
     }
     let least = seen.iter().map(|c| c.fitness).fold(f64::INFINITY, f64::min);
     let best = seen.iter().find(|c| c.fitness == least).expect("a best");
-    assert_eq!(search(&config).searched_values(&tuned.parameters), best.values);
+    assert_eq!(search(&config).space.values(&tuned.parameters), best.values);
     assert_eq!((tuned.registrations, tuned.finalists.len()), (2 * 16 * 4, 1));
 }
 
@@ -251,7 +251,7 @@ fn each_part_is_searched_as_it_would_be_alone_and_its_winner_is_a_finalist() {
                 assert!(close(beside.fitness, alone.fitness), "{stage}");
             }
         }
-        let winner = search(&whole).searched_values(&alone.parameters);
+        let winner = search(&whole).space.values(&alone.parameters);
         let is_winner = |values: &Values| values.iter().all(|(name, &v)| close(v, winner[name]));
         let found = both.finalists.iter().find(|finalist| is_winner(&finalist.values));
         let pairs = found.map(|finalist| finalist.pairs);

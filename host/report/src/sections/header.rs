@@ -1,6 +1,7 @@
 //! Heading, facts, headline and tiles.
 
-use echoloop_closed_loop::run_folder::run::{Background, StageRecord};
+use echoloop_closed_loop::run_folder::run::Background;
+use echoloop_closed_loop::search::Stage;
 
 use super::{Report, evaluation};
 use crate::finished_runs::FinishedRun;
@@ -28,9 +29,9 @@ pub(super) fn facts(run: &FinishedRun, background: &Background) -> Vec<(String, 
 }
 
 /// The stages of a search, in their order.
-fn searches(stages: &[StageRecord]) -> String {
+fn searches(stages: &[Stage]) -> String {
     let texts = stages.iter().map(|stage| {
-        let StageRecord { name, generations, population, pairs } = stage;
+        let Stage { name, generations, population, pairs, .. } = stage;
         format!("{name}: {generations} generations of {population} candidates on {pairs} pairs")
     });
     texts.collect::<Vec<_>>().join("; ")
