@@ -87,10 +87,6 @@ pub struct Scanned {
 impl Bench<'_> {
     /// f_opt of Eq. 4: both scans of a pair with one set of parameters, registered from the
     /// identity (which global methods do not look at).
-    ///
-    /// # Errors
-    ///
-    /// [`SensorError`] when the sensor fails.
     pub fn register(
         &self,
         parameters: &Parameters,
@@ -106,10 +102,6 @@ impl Bench<'_> {
 
     /// Both scans of a pair. The settings reach the sensor over the link, and every echo comes back
     /// over it.
-    ///
-    /// # Errors
-    ///
-    /// [`SensorError`] when the sensor fails.
     pub fn scan(
         &self,
         settings: &Settings,
