@@ -125,7 +125,7 @@ mod measured {
             let echoes = sensor.scan(&view).expect("a scan");
             let taken_s = begun.elapsed().as_secs_f64();
             assert!(2 * echoes.iter().flatten().count() > echoes.len(), "it sees the wall");
-            let counters = sensor.client().read_counters().expect("counters");
+            let counters = sensor.client.read_counters().expect("counters");
             assert_eq!((counters.crc_failures, counters.stale), (0, 0), "nothing was lost");
             stop.store(true, Ordering::Relaxed);
             taken_s

@@ -10,6 +10,7 @@
 //! | [`moments`] | mean and standard deviation of samples |
 //! | [`target`], [`gdb`] | boards in QEMU, and a debugger for them |
 //! | [`faults`] | a line that damages messages, a cheap scene |
+//! | [`recording`] | a line that records its bytes |
 //! | [`harness`] | fuzz targets for link, session, store and waveforms |
 //! | [`readers`] | fuzz targets for file readers |
 
@@ -22,6 +23,7 @@ pub mod harness;
 pub mod instruments;
 pub mod moments;
 pub mod readers;
+pub mod recording;
 #[cfg(unix)]
 pub mod target;
 pub mod tolerance;

@@ -18,9 +18,10 @@ use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sensors::boards::qemu::{Machine, Qemu, QemuOptions};
 use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
 use echoloop_sensors::defmt_log;
-use echoloop_sensors::transport::{Direction, InProcess, Recording, Transport};
+use echoloop_sensors::transport::{InProcess, Transport};
 use echoloop_tests::faults::{Faulty, Rates};
 use echoloop_tests::gdb::Gdb;
+use echoloop_tests::recording::{Direction, Recording};
 use echoloop_tests::target::{assert_stack_bound, machine, machines, paint_stack, symbol};
 use echoloop_tests::vectors::{self, KINDS};
 

@@ -96,14 +96,14 @@ fn measure(args: &RateArgs, config: &RunConfig) -> Result<Times, Failure> {
     let progress = Progress::new(args.setup.common.quiet);
     let times = sensors.with(|sensor| {
         sensor.configure(&config.lidar.0)?;
-        sensor.client().set_deadline(deadline_us)?;
+        sensor.client.set_deadline(deadline_us)?;
         progress.begin("scans", args.scans.into());
         for scan in 1..=args.scans {
             sensor.scan(&View { scene: &nothing, noise_seed: 0, scan, viewpoint: scan })?;
             progress.at(scan.into());
         }
         progress.end();
-        sensor.client().read_times()
+        sensor.client.read_times()
     })?;
     let is_whole = (times.deadline_us, times.scans) == (deadline_us, args.scans);
     if times.clock && !is_whole {
@@ -161,10 +161,10 @@ fn table(rate: &Rate) -> String {
         let _ = writeln!(
             text,
             "{:<12} {:<14} {:<11} {:>5} {:>14.0} {:>9} {:>14.0}",
-            p.processor,
-            p.loops,
-            p.part,
-            p.clock_mhz,
+            p.processor.name,
+            p.processor.loops,
+            p.processor.part,
+            p.processor.clock_mhz,
             p.instructions_a_beam,
             rounded(p.scans_a_second),
             p.clock_mhz_needed

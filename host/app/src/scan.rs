@@ -16,7 +16,7 @@ use super::scan_along::{Along, scan_along};
 use echoloop_closed_loop::beams::Beams;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::dataset::source::Source;
-use echoloop_closed_loop::dataset::{Dataset, Place, place, respond, single_viewpoint};
+use echoloop_closed_loop::dataset::{Dataset, Place, place, respond_at, single_viewpoint};
 use echoloop_closed_loop::evaluation::scan_cloud::recorded_from_scan;
 use echoloop_closed_loop::prepared::ConfiguredSensor;
 use echoloop_closed_loop::scan_folder::with_points;
@@ -153,7 +153,7 @@ fn seen(args: &ScanArgs, config: &RunConfig, beams: &Beams) -> Result<Option<See
         Some(numbers) => pose(numbers)?,
         None => first_viewpoint(config, &place, town, args.setup.common.quiet)?,
     };
-    let response = Arc::new(respond(config, &place, &world_from_sensor, beams));
+    let response = Arc::new(respond_at(config, &place, &world_from_sensor, 1, beams));
     Ok(Some(Seen { scene: place.scene.name, world_from_sensor, response }))
 }
 

@@ -8,7 +8,7 @@ use super::common::{ConfigSource, Setup};
 use super::exit::{self, Failure};
 use echoloop_closed_loop::config::{Lidar, RunConfig};
 use echoloop_sensors::client::Identity;
-use echoloop_sensors::pattern::{described as beams_of, document};
+use echoloop_sensors::pattern::document;
 use echoloop_sensors::sensor::Model;
 use echoloop_sensors::wording::{
     changed_settings, counters_text, range_text, settings_text, value_text,
@@ -32,17 +32,17 @@ pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
     let sensors = args.setup.sensor.sensors(Model::from(&config))?;
     let identity = sensors.identity()?;
     let (settings, counters) = sensors.with(|sensor| {
-        let own = sensor.client().read_settings()?;
+        let own = sensor.client.read_settings()?;
         let settings = asked(&args.setup.source, &config, own);
         if settings != own {
             sensor.configure(&settings)?;
         }
         match (args.save, args.forget) {
-            (true, _) => drop(sensor.client().save()?),
-            (_, true) => sensor.client().forget()?,
+            (true, _) => drop(sensor.client.save()?),
+            (_, true) => sensor.client.forget()?,
             _ => {}
         }
-        Ok((sensor.client().read_settings()?, sensor.client().read_counters()?))
+        Ok((sensor.client.read_settings()?, sensor.client.read_counters()?))
     })?;
     let name = sensors.described(&identity);
     if args.setup.common.json {
@@ -97,7 +97,7 @@ fn print_text(name: &str, identity: &Identity, settings: &Settings, counters: &C
     let [from_m, to_m, limit_nj] =
         [h.range_min_mm, h.range_max_mm, h.energy_limit_pj].map(|v| f64::from(v) / 1e3);
     println!("{} bits, {from_m} to {to_m} m, pulses up to {limit_nj} nJ", h.adc_bits);
-    println!("beams: {}", beams_of(&identity.pattern));
+    println!("beams: {}", identity.pattern);
     println!("\nsettings {:#010x}", settings_hash(settings));
     for parameter in &PARAMETERS {
         println!(

@@ -243,7 +243,7 @@ fn extend(folder: &RunFolder, config: &RunConfig) -> Result<(), Failure> {
     let was = load(Some(&folder.file(CONFIG)), &[])?;
     if was.tune.extended_to != config.tune.extended_to {
         folder.put_aside(FRONT)?;
-        folder.write_config(config)?;
+        folder.write_toml(CONFIG, config)?;
     }
     Ok(())
 }
@@ -251,7 +251,7 @@ fn extend(folder: &RunFolder, config: &RunConfig) -> Result<(), Failure> {
 /// A new folder with the configuration in it.
 fn new_folder(runs: &Path, config: &RunConfig) -> Result<RunFolder, FileError> {
     let folder = RunFolder::create(runs, &run_name(config))?;
-    folder.write_config(config)?;
+    folder.write_toml(CONFIG, config)?;
     folder.become_latest()?;
     Ok(folder)
 }

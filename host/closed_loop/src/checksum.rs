@@ -23,11 +23,6 @@ impl Display for Checksum {
 pub struct Running(Digest<'static, u64, Table<16>>);
 
 impl Running {
-    /// Checksum of no bytes.
-    pub fn new() -> Self {
-        Self(CRC.digest())
-    }
-
     /// Adds bytes.
     pub fn add(&mut self, bytes: &[u8]) {
         self.0.update(bytes);
@@ -41,7 +36,7 @@ impl Running {
 
 impl Default for Running {
     fn default() -> Self {
-        Self::new()
+        Self(CRC.digest())
     }
 }
 
@@ -53,7 +48,7 @@ impl Checksum {
 
     /// Checksum of several pieces, one after the other.
     pub fn of(pieces: &[&[u8]]) -> Self {
-        let mut running = Running::new();
+        let mut running = Running::default();
         pieces.iter().for_each(|piece| running.add(piece));
         running.end()
     }
@@ -69,7 +64,7 @@ impl Checksum {
             return Err(io::ErrorKind::InvalidInput.into());
         }
         let (mut file, mut chunk) = (File::open(path)?, vec![0; 1 << 16]);
-        let mut running = Running::new();
+        let mut running = Running::default();
         loop {
             match file.read(&mut chunk)? {
                 0 => return Ok(running.end()),

@@ -63,18 +63,12 @@ pub struct ExternalSearch<'a> {
 
 impl<'a> ExternalSearch<'a> {
     /// Evaluates the start, with which costs are compared. `done` hears of each pair.
-    ///
-    /// # Errors
-    ///
-    /// [`SensorError`].
     pub fn new(
         prepared: &'a Prepared,
         which: PairSet,
         done: &(dyn Fn() + Sync),
     ) -> Result<Self, SensorError> {
-        let (config, bench, noisy) = (&prepared.config, prepared.bench(), prepared.pairs(which));
-        let judge = Judge::new(config, bench, prepared.hardware, &prepared.start, noisy, done)?;
-        Ok(Self { prepared, judge, which, lines: 0 })
+        Ok(Self { prepared, judge: Judge::new(prepared, which, done)?, which, lines: 0 })
     }
 
     /// First line out: sensor, pairs, axes and start.
@@ -89,10 +83,6 @@ impl<'a> ExternalSearch<'a> {
     }
 
     /// Answer to the next line that is not blank; none at the end of the input.
-    ///
-    /// # Errors
-    ///
-    /// [`ExternalSearchError`].
     pub fn next(&mut self, input: &mut impl BufRead) -> Result<Option<Value>, ExternalSearchError> {
         while let Some(text) = next_line(input)? {
             self.lines += 1;
@@ -170,7 +160,7 @@ impl<'a> ExternalSearch<'a> {
 
     fn judged(&self, (parameters, repaired): &Asked) -> Result<Value, SensorError> {
         let values = parameters.values(&self.prepared.config);
-        let (summary, fitness) = self.judge.evaluate(parameters)?;
+        let (summary, fitness) = self.judge.evaluate(parameters, &|| ())?;
         let mut answer = json!({
             "fitness": fitness, "parameters": values_json(&values), "summary": summary,
         });

@@ -83,10 +83,6 @@ pub struct ConfiguredSensor {
 
 impl ConfiguredSensor {
     /// Opens the first sensor and compares it with the configuration. `heard` gets its name before.
-    ///
-    /// # Errors
-    ///
-    /// [`PrepareError`].
     pub fn new(
         config: &RunConfig,
         sensors: Sensors,
@@ -120,10 +116,6 @@ pub struct Preparation {
 impl Preparation {
     /// Asks the sensor and checks start and axes against its hardware. `heard` gets the sensor's
     /// name.
-    ///
-    /// # Errors
-    ///
-    /// [`PrepareError`].
     pub fn new(
         config: RunConfig,
         sensors: Sensors,
@@ -156,20 +148,12 @@ impl Preparation {
     }
 
     /// Traces the pairs: [`Dataset::build`].
-    ///
-    /// # Errors
-    ///
-    /// [`DatasetError`].
     pub fn traced(self, progress: &dyn Fn(f64, &str)) -> Result<Prepared, DatasetError> {
         let dataset = Dataset::build(&self.config, progress)?;
         Ok(self.with(dataset))
     }
 
     /// Traces the pairs, with those of the check where a search has use for them.
-    ///
-    /// # Errors
-    ///
-    /// [`DatasetError`].
     pub fn traced_for_a_search(
         self,
         progress: &dyn Fn(f64, &str),

@@ -15,13 +15,13 @@ use crate::prepared::Prepared;
 use crate::run_folder::files::FileError;
 use crate::run_folder::journal::{Generation, Journal};
 use crate::run_folder::run::{
-    AFTER, AxisRecord, BEFORE, Background, FRONT, RunFolder, RunResult, StageRecord,
+    AFTER, AxisRecord, BEFORE, Background, FRONT, RESULT, RunFolder, RunResult, TUNED,
 };
 use crate::search::{Observer, Stage, TuneError, TuneSearch, Tuned};
 use crate::seed::{Purpose, derive};
 use echoloop_dsp::ScanPattern;
 use echoloop_registration::cloud::{Cloud, CloudFormat};
-use echoloop_sensors::pattern::{described, size};
+use echoloop_sensors::pattern::size;
 use echoloop_sensors::sensor::SensorError;
 
 /// Errors on the held-out pairs.
@@ -70,10 +70,6 @@ pub fn search_and_judge(
 
 /// Searches the front, where the configuration asks for one, with a journal of its own. With
 /// `repair` the damaged end of that journal is dropped.
-///
-/// # Errors
-///
-/// [`TuneError`].
 pub fn search_front(
     search: &TuneSearch<'_>,
     (tuned, judged): &(Tuned, Judged),
@@ -141,10 +137,10 @@ fn background(search: &TuneSearch<'_>, tuned: &Tuned) -> Background {
         triangles: dataset.triangles,
         beams: match pattern {
             ScanPattern::Grid(_) => size(pattern),
-            _ => described(pattern),
+            _ => pattern.to_string(),
         },
         places: dataset.test.iter().map(|pair| pair.place.clone()).collect(),
-        stages: stages.iter().filter(was_made).map(StageRecord::from).collect(),
+        stages: stages.iter().filter(was_made).cloned().collect(),
         axes: axes.iter().map(AxisRecord::from).collect(),
         correlated: last.iter().map(|&axis| axes[axis].name.to_owned()).collect(),
         correlations: tuned.correlations.clone(),
@@ -164,18 +160,14 @@ pub enum WriteRunError {
 }
 
 /// Writes tuned configuration, result and the clouds of the shown pair into a run folder.
-///
-/// # Errors
-///
-/// [`WriteRunError`].
 pub fn write_run(
     folder: &RunFolder,
     prepared: &Prepared,
     tuned: &Parameters,
     result: &RunResult,
 ) -> Result<(), WriteRunError> {
-    folder.write_tuned(&tuned.as_start_of(&prepared.config))?;
-    folder.write_result(result)?;
+    folder.write_toml(TUNED, &tuned.as_start_of(&prepared.config))?;
+    folder.write_json(RESULT, result)?;
     let index = result.shown_pair();
     let pair = &prepared.dataset.test[index];
     let noise = derive(prepared.config.seed, Purpose::TestNoise, index as u64);

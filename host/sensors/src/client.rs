@@ -165,11 +165,8 @@ impl<T: Transport> Client<T> {
     /// [`ClientError`]; [`ClientError::Version`] for a sensor of another version.
     pub fn connect(transport: T, retry_policy: RetryPolicy) -> Result<Self, ClientError> {
         // Random, so that late answers to an earlier program match no number of ours.
-        Self::connect_from(
-            transport,
-            retry_policy,
-            RandomState::new().build_hasher().finish() as u16,
-        )
+        let sequence = RandomState::new().build_hasher().finish() as u16;
+        Self::connect_from(transport, retry_policy, sequence)
     }
 
     /// As [`Client::connect`], with commands numbered from `sequence + 1`: the same bytes every
@@ -188,20 +185,17 @@ impl<T: Transport> Client<T> {
             hardware: Hardware::REFERENCE,
             pattern: ScanPattern::default(),
         };
-        let decoder = Box::new(Decoder::new());
-        let (generation, hash, on_trial, unsure) = (0, 0, false, true);
-        let settings = Settings::default();
         let mut client = Self {
             transport,
-            decoder,
+            decoder: Box::new(Decoder::new()),
             retry_policy,
             sequence,
             identity,
-            generation,
-            hash,
-            settings,
-            on_trial,
-            unsure,
+            generation: 0,
+            hash: 0,
+            settings: Settings::default(),
+            on_trial: false,
+            unsure: true,
             echoes: 0,
         };
         client.read_settings()?; // unsure, it says hello first
@@ -247,10 +241,6 @@ impl<T: Transport> Client<T> {
     }
 
     /// Reads the active settings. After an error it greets again first.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn read_settings(&mut self) -> Result<Settings, ClientError> {
         if self.unsure {
             self.greet()?;
@@ -266,19 +256,11 @@ impl<T: Transport> Client<T> {
     }
 
     /// Active settings, read from the sensor only where this side is unsure.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn settings(&mut self) -> Result<Settings, ClientError> {
         if self.unsure { self.read_settings() } else { Ok(self.settings) }
     }
 
     /// Reads the sensor's counters of link errors.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn read_counters(&mut self) -> Result<Counters, ClientError> {
         match self.ask(&Command::ReadCounters)? {
             Report::Counters(counters) => Ok(counters),
@@ -287,19 +269,11 @@ impl<T: Transport> Client<T> {
     }
 
     /// Sets the deadline of a scan, µs, 0 for none, and restarts its statistics.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn set_deadline(&mut self, scan_us: u32) -> Result<Times, ClientError> {
         self.ask_times(&Command::SetDeadline { scan_us })
     }
 
     /// Reads the durations of scans since the deadline was set.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn read_times(&mut self) -> Result<Times, ClientError> {
         self.ask_times(&Command::ReadTimes)
     }
@@ -340,9 +314,7 @@ impl<T: Transport> Client<T> {
         settings: &Settings,
         frames: u16,
     ) -> Result<u32, ClientError> {
-        if self.unsure {
-            self.read_settings()?;
-        }
+        self.settings()?;
         let was_on_trial = self.on_trial;
         match self.stage_and_commit(settings, frames) {
             // A late hello dropped the staged settings, so the commit did not happen.
@@ -422,9 +394,7 @@ impl<T: Transport> Client<T> {
     ///
     /// As [`Client::save`].
     pub fn forget(&mut self) -> Result<(), ClientError> {
-        if self.unsure {
-            self.read_settings()?;
-        }
+        self.settings()?;
         match self.ask(&Command::Forget)? {
             Report::Forgotten => Ok(()),
             _ => Err(ClientError::Unexpected { command: "forget" }),
@@ -449,10 +419,6 @@ impl<T: Transport> Client<T> {
     }
 
     /// Reads the sensor's room for waveforms.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn read_room(&mut self) -> Result<Room, ClientError> {
         match self.ask(&Command::ReadRoom)? {
             Report::Room(room) => Ok(room),

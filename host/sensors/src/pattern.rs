@@ -36,8 +36,3 @@ pub fn document(pattern: &ScanPattern) -> Value {
     fields.insert("kind".into(), kind.to_lowercase().into());
     Value::Object(fields)
 }
-
-/// Beams of a pattern in a few words: `192 × 64 over 180° × 180°`.
-pub fn described(pattern: &ScanPattern) -> String {
-    pattern.to_string()
-}

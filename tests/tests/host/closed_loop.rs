@@ -9,7 +9,7 @@ use std::sync::{Arc, LazyLock};
 use echoloop_closed_loop::beams::Beams;
 use echoloop_closed_loop::config::preset::{ErrorMean, LidarPreset, PAPER_LIDAR, Preset, Protocol};
 use echoloop_closed_loop::config::{RunConfig, load};
-use echoloop_closed_loop::dataset::{Dataset, Place, ScanPair, respond};
+use echoloop_closed_loop::dataset::{Dataset, Place, ScanPair, respond_at};
 use echoloop_closed_loop::evaluation::objective::{Bench, PairError, Worth};
 use echoloop_closed_loop::evaluation::scan_cloud::cloud_from_scan;
 use echoloop_closed_loop::evaluation::summary::{NoisyPairs, evaluate};
@@ -185,7 +185,7 @@ fn the_paper_s_search_evaluates_all_pairs_and_takes_the_best_candidate() {
     }
     let least = seen.iter().map(|c| c.fitness).fold(f64::INFINITY, f64::min);
     let best = seen.iter().find(|c| c.fitness == least).expect("a best");
-    assert_eq!(search(&config).searched_values(&tuned.parameters), best.values);
+    assert_eq!(search(&config).space.values(&tuned.parameters), best.values);
     assert_eq!((tuned.registrations, tuned.finalists.len()), (2 * 16 * 4, 1));
 }
 
@@ -251,7 +251,7 @@ fn each_part_is_searched_as_it_would_be_alone_and_its_winner_is_a_finalist() {
                 assert!(close(beside.fitness, alone.fitness), "{stage}");
             }
         }
-        let winner = search(&whole).searched_values(&alone.parameters);
+        let winner = search(&whole).space.values(&alone.parameters);
         let is_winner = |values: &Values| values.iter().all(|(name, &v)| close(v, winner[name]));
         let found = both.finalists.iter().find(|finalist| is_winner(&finalist.values));
         let pairs = found.map(|finalist| finalist.pairs);
@@ -416,7 +416,7 @@ fn every_candidate_is_recorded_with_the_sensor_s_hash_of_its_settings() {
         assert_eq!(by_name, search.space.parameters(&candidate.point).0);
         assert_eq!(candidate.settings, settings_hash(&by_name.settings));
         assert_eq!(sensor.configure(&by_name.settings).expect("accepted"), candidate.settings);
-        assert_eq!(sensor.client().read_settings().expect("settings"), by_name.settings);
+        assert_eq!(sensor.client.read_settings().expect("settings"), by_name.settings);
         assert_eq!(candidate.fitness, Worth::from(&config.tune).of(&candidate.errors));
     }
     let different: BTreeSet<u32> = candidates.iter().map(|c| c.settings).collect();
@@ -848,7 +848,7 @@ fn a_scan_of_a_wall_is_unbiased_at_every_albedo() {
         let place = rectangles(&[[[x, -60.0, -20.0], [x, 60.0, -20.0], [x, 60.0, 20.0]]], albedo);
         for yaw_deg in [0.0_f64, 25.0] {
             let pose = Pose::new(Vector3::zeros(), Vector3::new(0.0, 0.0, yaw_deg.to_radians()));
-            let response = Arc::new(respond(&config, &place, &pose, &beams));
+            let response = Arc::new(respond_at(&config, &place, &pose, 1, &beams));
             let mut sensor = sensor(&config.receiver, pattern);
             sensor.configure(&Settings::default()).expect("accepted");
             let view = View { scene: &response, noise_seed: 3, scan: 1, viewpoint: 1 };
@@ -914,7 +914,7 @@ fn registration_finds_the_motion_between_two_scans_of_a_yard() {
         Pose::new(Vector3::from(v), Vector3::from(turn_deg.map(f64::to_radians)))
     };
     let first = pose([0.0, 0.0, 2.0], [0.5, -0.5, 10.0]);
-    let look = |pose: &Pose| Arc::new(respond(&config, &place, pose, &beams));
+    let look = |pose: &Pose| Arc::new(respond_at(&config, &place, pose, 1, &beams));
     let (train, test, check) = (Vec::new(), Vec::new(), Vec::new());
     let dataset = Dataset { beams: beams.clone(), train, test, check, triangles: 0 };
     let sensors = Sensors::in_process(model(&config.receiver, pattern));

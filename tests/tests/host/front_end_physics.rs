@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use echoloop_closed_loop::config::{JitterPer, Motion, RunConfig, ScannerConfig};
-use echoloop_closed_loop::dataset::{Place, respond, respond_at};
+use echoloop_closed_loop::dataset::{Place, respond_at};
 use echoloop_dsp::{Echo, Hardware, Pipeline, Scratch, Settings};
 use echoloop_frontend::{Analog, FrontEnd, Trigger};
 use echoloop_frontend::{Mode, Precipitation, Receiver, WaveformFrontEnd, Weather, litl};
@@ -657,7 +657,7 @@ fn a_sensor_that_stands_still_scans_as_without_motion() {
     let plain = moving(Motion::default());
     let beams = plain.scanner.beams();
     let directions = beams.directions(1);
-    let scan = |config: &RunConfig| respond(config, &place(), &Pose::identity(), &beams);
+    let scan = |config: &RunConfig| respond_at(config, &place(), &Pose::identity(), 1, &beams);
     let optics = BeamOptics { divergence_mrad: plain.receiver.divergence_mrad, subrays: 1 };
     let arrays: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
     let at_once = Scanner::scan(&place().caster, MATERIALS, &Pose::identity(), &arrays, &optics);

@@ -137,7 +137,7 @@ fn a_scan_of_131072_beams_comes_over_the_link_whole() {
     let cloud = cloud_from_scan(&scan, &beams.directions(1));
     let far = cloud.points.iter().map(|p| (p.coords.norm() - 20.0).abs()).fold(0.0, f32::max);
     assert!(cloud.points.len() > 100_000 && far < 0.3, "{} points, {far} m", cloud.points.len());
-    let counters = sensor.client().read_counters().expect("counters");
+    let counters = sensor.client.read_counters().expect("counters");
     assert_eq!((counters.crc_failures, counters.unintelligible, counters.stale), (0, 0, 0));
 }
 
@@ -151,7 +151,7 @@ fn a_table_s_scan_has_its_channels_times_and_directions() {
     let beams = Beams::of_list(Arc::clone(&list));
     let model = Model { pattern: *beams.pattern(), ..Model::from(&RunConfig::default()) };
     let mut sensor = Sensor::in_process(&model).expect("a sensor");
-    assert_eq!(sensor.identity().pattern, ScanPattern::Table(list.name()));
+    assert_eq!(sensor.client.identity().pattern, ScanPattern::Table(list.name()));
     let scene = tube(40);
     let view = View { scene: &scene, noise_seed: 3, scan: 1, viewpoint: 1 };
     let scan = sensor.scan(&view).expect("a scan");

@@ -6,8 +6,9 @@ use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
 use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sensors::client::{Client, RetryPolicy};
 use echoloop_sensors::size::scan_bits;
-use echoloop_sensors::transport::{Conversation, Direction, InProcess, Recording};
+use echoloop_sensors::transport::InProcess;
 use echoloop_tests::faults::Target;
+use echoloop_tests::recording::{Conversation, Direction, Recording};
 
 const ONCE: RetryPolicy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
 

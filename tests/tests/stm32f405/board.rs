@@ -10,6 +10,7 @@ use echoloop_link::{Decoder, Report, decode};
 use echoloop_sensors::boards::qemu::{Machine, Qemu, QemuOptions};
 use echoloop_sensors::client::{Client, RetryPolicy};
 use echoloop_sensors::defmt_log;
+use echoloop_sensors::transport::Transport;
 use echoloop_tests::faults::Target;
 use echoloop_tests::gdb::Gdb;
 use echoloop_tests::target::machine;

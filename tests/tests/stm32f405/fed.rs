@@ -5,6 +5,7 @@ use echoloop_dsp::{Echoes, Hardware, Pipeline, Scratch, Settings};
 use echoloop_link::packed::{codes_in, pack};
 use echoloop_link::{Command, Greeting, MAX_FRAME, PACKED_BYTES, Place, Report, Room, encode};
 use echoloop_sensors::boards::qemu::Qemu;
+use echoloop_sensors::transport::Transport;
 use echoloop_tests::faults::Target;
 use echoloop_tests::vectors::{self, KINDS};
 

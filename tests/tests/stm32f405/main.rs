@@ -20,6 +20,7 @@ use std::time::{Duration, Instant};
 use echoloop_dsp::Settings;
 use echoloop_link::{Command, Greeting, MAX_FRAME, Nack, Report, Times, encode, settings_hash};
 use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
+use echoloop_sensors::transport::Transport;
 use echoloop_tests::faults::{Faulty, Rates};
 use echoloop_tests::gdb::Gdb;
 use echoloop_tests::target::{assert_stack_bound, paint_stack, symbol};

@@ -19,6 +19,7 @@ use echoloop_sensors::boards::qemu::{Machine, Qemu, QemuOptions, check_installed
 use echoloop_sensors::client::{Client, RetryPolicy};
 use echoloop_sensors::defmt_log;
 use echoloop_sensors::sensor::Model;
+use echoloop_sensors::transport::Transport;
 
 /// A board's log: the image that wrote it, and its frames.
 struct Log {

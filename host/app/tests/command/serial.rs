@@ -23,9 +23,9 @@ fn over_a_line_a_sensor_gives_the_echoes_it_gives_in_process() {
     let fixture = Fixture::new();
     let board = Board::new(&fixture);
     let settings = Settings { power_uw: 50_000_000, upsampling: 2, ..Settings::default() };
-    let mut far = Sensor::serial(&board.port).expect("a sensor");
+    let mut far = Sensor::serial(&board.port, None).expect("a sensor");
     let mut near = Sensor::in_process(&Model::from(&board.config)).expect("a sensor");
-    assert_eq!(far.identity(), near.identity());
+    assert_eq!(far.client.identity(), near.client.identity());
     assert_eq!(
         far.configure(&settings).expect("accepted"),
         near.configure(&settings).expect("accepted")
@@ -324,9 +324,8 @@ fn a_port_that_is_none_is_refused_by_name() {
         }
         fixture.refuses(&["serve", "-c", "small.toml", name], &[name, "cannot be opened"]);
     }
-    let error = Sensor::serial(&Port { path: "/dev/no-such-port".into(), baud: 9_600 })
-        .map(|_| ())
-        .expect_err("no port");
+    let port = Port { path: "/dev/no-such-port".into(), baud: 9_600 };
+    let error = Sensor::serial(&port, None).map(|_| ()).expect_err("no port");
     assert!(matches!(error, SensorError::Open { .. }), "{error}");
 }
 

@@ -106,14 +106,15 @@ const OF_PIPELINE: [(&str, Terms); 5] = [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cost::record::{REFERENCE, cases};
+    use crate::cost::Processor;
+    use crate::cost::record::cases;
 
     /// Largest relative error of the model.
     const TOLERANCE: f64 = 0.05;
 
     #[test]
     fn the_model_is_within_five_percent_of_every_counted_waveform() {
-        let cases = cases(REFERENCE);
+        let cases = cases(&Processor::REFERENCE);
         let model = Model::fitted(&cases);
         assert!(cases.len() >= 8, "{} cases are read of the record", cases.len());
         for case in &cases {
@@ -125,7 +126,7 @@ mod tests {
 
     #[test]
     fn sixteen_shots_cost_sixteen_counted_shots_and_their_sum() {
-        let cases = cases(REFERENCE);
+        let cases = cases(&Processor::REFERENCE);
         let model = Model::fitted(&cases);
         for case in &cases {
             let with = |shots| model.instructions(&Load { shots, ..case.load });
@@ -137,7 +138,7 @@ mod tests {
 
     #[test]
     fn a_waveform_left_out_of_the_fit_is_predicted_within_a_tenth() {
-        let mut rest = cases(REFERENCE);
+        let mut rest = cases(&Processor::REFERENCE);
         let left_out = rest.iter().position(|case| case.name == "1024x16 one echo");
         let case = rest.remove(left_out.expect("it was counted"));
         for (name, terms) in OF_PIPELINE {

@@ -3,14 +3,16 @@
 use std::sync::LazyLock;
 
 use echoloop_dsp::{Hardware, Settings};
+use serde::Serialize;
 
 use super::instructions::Model;
-use super::record::{REFERENCE, cases, near_mm};
+use super::record::{cases, near_mm};
 
 /// Processor with the fastest loops for it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Processor {
     /// Name in `firmware/image/cost.tsv`.
+    #[serde(rename = "processor")]
     pub name: &'static str,
     /// Name of its loops there.
     pub loops: &'static str,
@@ -23,7 +25,7 @@ pub struct Processor {
 impl Processor {
     /// Processor whose instructions a search counts.
     pub const REFERENCE: Self =
-        Self { name: REFERENCE[0], loops: REFERENCE[1], part: "STM32F405", clock_mhz: 168.0 };
+        Self { name: "cortex-m4", loops: "dual_multiply", part: "STM32F405", clock_mhz: 168.0 };
 
     /// All processors, the slowest part first.
     pub const ALL: [Self; 5] = [
@@ -33,11 +35,6 @@ impl Processor {
         Self { name: "cortex-m7", loops: "dual_multiply", part: "STM32H723", clock_mhz: 550.0 },
         Self { name: "cortex-m55", loops: "mve", part: "STM32N657", clock_mhz: 800.0 },
     ];
-
-    /// Processor and loops in the table.
-    fn record(&self) -> [&'static str; 2] {
-        [self.name, self.loops]
-    }
 
     /// Instructions of the detector for a beam with `echoes` echoes, all its shots together; `None`
     /// for settings that are refused.
@@ -58,7 +55,7 @@ impl Processor {
 }
 
 static MODELS: LazyLock<Vec<(Processor, Model)>> = LazyLock::new(|| {
-    Processor::ALL.map(|processor| (processor, Model::fitted(&cases(processor.record())))).into()
+    Processor::ALL.map(|processor| (processor, Model::fitted(&cases(&processor)))).into()
 });
 
 #[cfg(test)]
@@ -69,7 +66,7 @@ mod tests {
     #[test]
     fn the_model_is_within_six_percent_of_the_counts_and_eleven_on_the_cortex_m55() {
         for (processor, model) in MODELS.iter() {
-            let cases = cases(processor.record());
+            let cases = cases(processor);
             assert!(cases.len() >= 8, "{} cases of {}", cases.len(), processor.name);
             for case in &cases {
                 let off = model.instructions(&case.load) / case.stages["pipeline"] - 1.0;

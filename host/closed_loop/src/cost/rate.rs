@@ -30,14 +30,9 @@ pub struct RateOf<'a> {
 /// Rate of one processor.
 #[derive(Clone, Debug, Serialize)]
 pub struct ProcessorRate {
-    /// Its name, loops and part, as of [`Processor`].
-    pub processor: &'static str,
-    /// Loops of the detector.
-    pub loops: &'static str,
-    /// A part that has it.
-    pub part: &'static str,
-    /// Clock of the part, MHz.
-    pub clock_mhz: f64,
+    /// The processor.
+    #[serde(flatten)]
+    pub processor: Processor,
     /// Instructions of the detector a beam.
     pub instructions_a_beam: f64,
     /// Scans a second at that clock.
@@ -98,10 +93,7 @@ impl RateOf<'_> {
             let instructions_a_beam = processor.instructions(settings, &hardware, echoes)?;
             let cycles = instructions_a_beam * cycles_per_instruction * f64::from(beams);
             Some(ProcessorRate {
-                processor: processor.name,
-                loops: processor.loops,
-                part: processor.part,
-                clock_mhz: processor.clock_mhz,
+                processor: *processor,
                 instructions_a_beam,
                 scans_a_second: 1e6 * processor.clock_mhz / cycles,
                 clock_mhz_needed: 1e-6 * cycles * hz,

@@ -4,11 +4,10 @@ use std::collections::BTreeMap;
 
 use echoloop_dsp::{DetectorConfig, Hardware, Settings};
 
+use super::Processor;
+
 /// Counts that `cargo xtask cost --update` writes.
 const TABLE: &str = include_str!("../../../../firmware/image/cost.tsv");
-
-/// Processor and loops whose instructions a search counts.
-pub(super) const REFERENCE: [&str; 2] = ["cortex-m4", "dual_multiply"];
 
 /// Counted waveform.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,12 +68,14 @@ pub(super) fn near_mm(settings: &Settings) -> u32 {
 }
 
 /// Counted waveforms of a processor with its loops.
-pub(super) fn cases(of: [&str; 2]) -> Vec<Case> {
+pub(super) fn cases(of: &Processor) -> Vec<Case> {
     let mut cases: Vec<Case> = Vec::new();
     for line in TABLE.lines() {
         let fields: Vec<&str> = line.split('\t').collect();
         let [processor, loops, name, stage, instructions] = fields[..] else { continue };
-        let (true, Ok(instructions)) = ([processor, loops] == of, instructions.parse()) else {
+        let (true, Ok(instructions)) =
+            ([processor, loops] == [of.name, of.loops], instructions.parse())
+        else {
             continue;
         };
         match cases.iter_mut().find(|case| case.name == name) {

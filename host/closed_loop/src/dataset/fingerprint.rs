@@ -86,7 +86,7 @@ fn front_end(model: &Model) -> Checksum {
 }
 
 fn scans(dataset: &Dataset) -> Checksum {
-    let mut sum = Running::new();
+    let mut sum = Running::default();
     for pair in dataset.pairs() {
         add_pair(&mut sum, pair);
     }
@@ -125,7 +125,7 @@ mod tests {
     use std::fs;
 
     use super::*;
-    use crate::config::load;
+    use crate::dataset::configured;
 
     #[test]
     fn a_scene_s_file_its_materials_and_the_front_end_each_have_their_checksum() {
@@ -158,10 +158,8 @@ mod tests {
 
     #[test]
     fn the_checksum_of_scans_covers_those_of_the_check() {
-        let set = ["scanner.columns=8", "scanner.rows=4", "data.train_pairs=1"];
-        let set = set.into_iter().chain(["data.test_pairs=1", "data.check_pairs=1"]);
-        let set: Vec<_> = set.map(|text| text.parse().unwrap()).collect();
-        let config = load(None, &set).unwrap();
+        let pairs = ["data.train_pairs=1", "data.test_pairs=1", "data.check_pairs=1"];
+        let config = configured(&[&["scanner.columns=8", "scanner.rows=4"], &pairs[..]].concat());
         let mut found = Dataset::build_with_check(&config, &|_, _| ()).unwrap();
         let before = Content::of(&config, &found).scans;
         found.check[0].first = found.check[0].second.clone();

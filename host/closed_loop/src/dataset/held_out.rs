@@ -11,10 +11,6 @@ use crate::config::RunConfig;
 impl Dataset {
     /// Dataset with one held-out pair, that of [`Self::build`] at `index` of `test`; `None` beyond
     /// the last. Only this pair is traced.
-    ///
-    /// # Errors
-    ///
-    /// [`DatasetError`].
     pub fn held_out(config: &RunConfig, index: usize) -> Result<Option<Self>, DatasetError> {
         if !is_traced(config) {
             let mut all = Self::build(config, &|_, _| ())?;
@@ -52,15 +48,14 @@ impl Dataset {
 
 #[cfg(test)]
 mod tests {
+    use super::super::configured;
     use super::*;
-    use crate::config::{Override, load};
 
     #[test]
     fn a_single_pair_equals_that_of_the_whole_set_at_its_index() {
         let set =
             ["scanner.columns=24", "scanner.rows=8", "data.train_pairs=3", "data.test_pairs=4"];
-        let set: Vec<Override> = set.iter().map(|text| text.parse().unwrap()).collect();
-        let config = load(None, &set).unwrap();
+        let config = configured(&set);
         let all = Dataset::build(&config, &|_, _| ()).unwrap();
         for (index, expected) in all.test.iter().enumerate() {
             let alone = Dataset::held_out(&config, index).unwrap().unwrap();

@@ -78,10 +78,6 @@ impl Dataset {
     /// Makes or loads the scenes, finds viewpoints and traces every scan. Reads the scans instead
     /// where `scene.stored` names a file or `scene.source` a folder of recordings. `progress` is
     /// called with the fraction done, 0 to 1, and a few words.
-    ///
-    /// # Errors
-    ///
-    /// [`DatasetError`].
     pub fn build(config: &RunConfig, progress: &dyn Fn(f64, &str)) -> Result<Self, DatasetError> {
         Self::of(config, 0, progress)
     }
@@ -89,10 +85,6 @@ impl Dataset {
     /// As [`Self::build`], with `data.check_pairs` pairs of [`Self::check`]. They are drawn after
     /// the training pairs, at the baseline of the held-out ones. A town without room for its share
     /// has none, nor have stored and recorded pairs.
-    ///
-    /// # Errors
-    ///
-    /// [`DatasetError`].
     pub fn build_with_check(
         config: &RunConfig,
         progress: &dyn Fn(f64, &str),
@@ -166,10 +158,6 @@ pub fn towns(config: &RunConfig) -> Vec<u64> {
 }
 
 /// Makes or loads one town.
-///
-/// # Errors
-///
-/// [`DatasetError`].
 pub fn place(config: &RunConfig, town: u64) -> Result<Place, DatasetError> {
     let scene = Source::of(&config.scene.source).scene(&config.scene, town)?;
     let caster = Raycaster::new(&scene);
@@ -290,18 +278,8 @@ fn trace(
     }
 }
 
-/// Response of a single scan from a pose, as viewpoint 1.
-pub fn respond(
-    config: &RunConfig,
-    place: &Place,
-    world_from_sensor: &Pose,
-    beams: &Beams,
-) -> SceneResponse {
-    respond_at(config, place, world_from_sensor, 1, beams)
-}
-
-/// Response of the scan of a viewpoint. The pose of a moving sensor is that in the middle of the
-/// scan.
+/// Response of the scan of a viewpoint, 1 for a single scan. The pose of a moving sensor is that in
+/// the middle of the scan.
 pub fn respond_at(
     config: &RunConfig,
     place: &Place,
@@ -340,17 +318,20 @@ fn response(
     )
 }
 
+/// Configuration with these values set.
+#[cfg(test)]
+fn configured(sets: &[&str]) -> RunConfig {
+    let overrides: Vec<_> = sets.iter().map(|set| set.parse().expect("an override")).collect();
+    crate::config::load(None, &overrides).expect("a configuration")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{Override, load};
 
     fn config(more: &[&str]) -> RunConfig {
         let few = ["scanner.columns=24", "scanner.rows=8", "data.train_pairs=4"];
-        let few = few.into_iter().chain(["data.test_pairs=3", "data.check_pairs=5"]);
-        let set: Vec<Override> =
-            few.chain(more.iter().copied()).map(|t| t.parse().unwrap()).collect();
-        load(None, &set).unwrap()
+        configured(&[&few[..], &["data.test_pairs=3", "data.check_pairs=5"], more].concat())
     }
 
     fn truths(pairs: &[ScanPair]) -> Vec<(String, Pose)> {

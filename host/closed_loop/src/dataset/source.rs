@@ -100,10 +100,6 @@ impl Source {
     }
 
     /// Makes or loads the scene; `town` is one of [`Source::seeds`].
-    ///
-    /// # Errors
-    ///
-    /// [`SourceError`].
     pub fn scene(&self, config: &SceneConfig, town: u64) -> Result<Scene, SourceError> {
         match self {
             Self::Kind(kind) => Ok(generate(*kind, town)),

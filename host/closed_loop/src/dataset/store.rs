@@ -113,10 +113,6 @@ pub fn stored(config: &RunConfig, dataset: &Dataset) -> Result<Vec<u8>, String> 
 }
 
 /// Configuration that the pairs of a file were traced with.
-///
-/// # Errors
-///
-/// [`StoreError`].
 pub fn stored_config(path: &Path) -> Result<RunConfig, StoreError> {
     let fail = |what: String| StoreError { path: path.to_owned(), what };
     let bytes = read_data(path).map_err(|error| fail(format!("cannot be read: {error}")))?;
@@ -373,18 +369,12 @@ fn numbers(planes: &[u8]) -> impl Iterator<Item = f32> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::configured;
     use super::*;
 
     fn config(more: &[&str]) -> RunConfig {
-        let sets = [
-            "scene.towns=[1]",
-            "scanner.columns=24",
-            "scanner.rows=8",
-            "data.train_pairs=2",
-            "data.test_pairs=1",
-        ];
-        let overrides: Vec<_> = sets.iter().chain(more).map(|set| set.parse().unwrap()).collect();
-        crate::config::load(None, &overrides).unwrap()
+        let small = ["scene.towns=[1]", "scanner.columns=24", "scanner.rows=8"];
+        configured(&[&small[..], &["data.train_pairs=2", "data.test_pairs=1"], more].concat())
     }
 
     fn load(bytes: &[u8], config: &RunConfig) -> Result<Dataset, String> {

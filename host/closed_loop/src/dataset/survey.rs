@@ -116,7 +116,7 @@ impl Survey {
 
     /// Checksum of the scene (vertices, triangles, materials), and of the poses of all pairs.
     pub fn checksums(&self) -> [Checksum; 2] {
-        let mut poses = Running::new();
+        let mut poses = Running::default();
         for pose in self.pairs.iter().flat_map(|pair| &pair.world_from_sensor) {
             to_rows(pose).iter().for_each(|number| poses.add(&number.to_bits().to_le_bytes()));
         }
@@ -147,7 +147,7 @@ fn numbered(
 }
 
 fn of_scene(scene: &Scene) -> Checksum {
-    let mut sum = Running::new();
+    let mut sum = Running::default();
     let mesh = &scene.mesh;
     let words = mesh.vertices.iter().flatten().map(|x| x.to_bits());
     words.chain(mesh.triangles.iter().flatten().copied()).for_each(|w| sum.add(&w.to_le_bytes()));
@@ -165,19 +165,11 @@ fn of_scene(scene: &Scene) -> Checksum {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::load;
-    use crate::dataset::Dataset;
+    use crate::dataset::{Dataset, configured};
 
     fn config(more: &[&str]) -> RunConfig {
-        let small = [
-            "scene.towns=[4,9]",
-            "scanner.columns=8",
-            "scanner.rows=4",
-            "data.train_pairs=3",
-            "data.test_pairs=5",
-        ];
-        let overrides = small.iter().chain(more).map(|text| text.parse().expect("an override"));
-        load(None, &overrides.collect::<Vec<_>>()).expect("a configuration")
+        let small = ["scene.towns=[4,9]", "scanner.columns=8", "scanner.rows=4"];
+        configured(&[&small[..], &["data.train_pairs=3", "data.test_pairs=5"], more].concat())
     }
 
     fn survey(config: &RunConfig, index: usize) -> Survey {

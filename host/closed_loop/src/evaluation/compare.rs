@@ -84,16 +84,8 @@ mod tests {
     use super::*;
 
     fn errors(values: &[f64]) -> Vec<PairError> {
-        let error = |(pair, &frobenius): (usize, &f64)| PairError {
-            pair,
-            translation_m: frobenius,
-            rotation_deg: 0.1,
-            frobenius,
-            points: [100, 100],
-            stop: String::new(),
-            iterations: 1,
-        };
-        values.iter().enumerate().map(error).collect()
+        let error = |&frobenius| PairError { frobenius, ..PairError::default() };
+        values.iter().map(error).collect()
     }
 
     #[test]

@@ -146,17 +146,11 @@ mod tests {
     use echoloop_random::Generator;
 
     fn summary(errors_m: &[f64]) -> Summary {
-        let error = |(pair, &translation_m): (usize, &f64)| PairError {
-            pair,
-            translation_m,
-            rotation_deg: 10.0 * translation_m,
-            frobenius: translation_m,
-            points: [100, 100],
-            stop: String::new(),
-            iterations: 1,
+        let error = |&translation_m: &f64| {
+            let rotation_deg = 10.0 * translation_m;
+            PairError { translation_m, rotation_deg, ..PairError::default() }
         };
-        let errors = errors_m.iter().enumerate().map(error).collect();
-        Summary::from_errors(errors, &DataConfig::default())
+        Summary::from_errors(errors_m.iter().map(error).collect(), &DataConfig::default())
     }
 
     fn between(first: &[f64], second: &[f64]) -> Figures<Difference> {

@@ -16,7 +16,7 @@ use echoloop_sensors::client::ClientError;
 use echoloop_sensors::sensor::{Sensor, SensorError, Sensors, View};
 
 /// Error of one registered pair.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PairError {
     /// Index of the pair in its set.
@@ -87,10 +87,6 @@ pub struct Scanned {
 impl Bench<'_> {
     /// f_opt of Eq. 4: both scans of a pair with one set of parameters, registered from the
     /// identity (which global methods do not look at).
-    ///
-    /// # Errors
-    ///
-    /// [`SensorError`] when the sensor fails.
     pub fn register(
         &self,
         parameters: &Parameters,
@@ -106,10 +102,6 @@ impl Bench<'_> {
 
     /// Both scans of a pair. The settings reach the sensor over the link, and every echo comes back
     /// over it.
-    ///
-    /// # Errors
-    ///
-    /// [`SensorError`] when the sensor fails.
     pub fn scan(
         &self,
         settings: &Settings,
@@ -221,16 +213,8 @@ mod tests {
     use super::*;
 
     fn errors(frobenius: &[f64]) -> Vec<PairError> {
-        let error = |(pair, &frobenius): (usize, &f64)| PairError {
-            pair,
-            translation_m: 0.1,
-            rotation_deg: 7.0,
-            frobenius,
-            points: [100, 200],
-            stop: String::new(),
-            iterations: 1,
-        };
-        frobenius.iter().enumerate().map(error).collect()
+        let rest = PairError { translation_m: 0.1, rotation_deg: 7.0, ..PairError::default() };
+        frobenius.iter().map(|&frobenius| PairError { frobenius, ..rest.clone() }).collect()
     }
 
     #[test]

@@ -149,15 +149,7 @@ mod tests {
     use super::*;
 
     fn error(translation_m: f64, rotation_deg: f64) -> PairError {
-        PairError {
-            pair: 0,
-            translation_m,
-            rotation_deg,
-            frobenius: translation_m,
-            points: [100, 200],
-            stop: String::new(),
-            iterations: 1,
-        }
+        PairError { translation_m, rotation_deg, points: [100, 200], ..PairError::default() }
     }
 
     #[test]

@@ -18,10 +18,10 @@ use echoloop_random::Generator;
 use crate::config::preset::ErrorMean;
 use crate::cost::CostKind;
 use crate::evaluation::objective::Worth;
-use crate::evaluation::summary::{NoisyPairs, Summary, evaluate_and_cost};
+use crate::evaluation::summary::Summary;
 use crate::parameters::{Parameters, Space, Values};
 use crate::run_folder::journal::{CandidateRecord, Generation, Header, Journal};
-use crate::search::{Evaluator, Observer, Task, TuneError, TuneSearch, mean_cost};
+use crate::search::{Evaluator, Observer, Task, TuneError, TuneSearch, difference, mean_cost};
 use crate::seed::{Purpose, derive};
 pub use point::{Front, FrontPoint, Mark};
 
@@ -143,7 +143,7 @@ impl FrontSearch<'_> {
         let mut optimizer = self.optimizer()?;
         for (number, generation) in done.iter().enumerate() {
             if let Some(field) = self.difference(&optimizer, generation) {
-                return Err(TuneError::Diverged { generation: number, field: field.into() });
+                return Err(TuneError::Diverged { generation: number, field });
             }
             self.tell(&mut optimizer, generation);
         }
@@ -151,26 +151,15 @@ impl FrontSearch<'_> {
     }
 
     /// First field in which a generation of the journal differs from the one that would be drawn
-    /// now. Errors and costs need scans and are taken from the journal; fitness is computed from
-    /// them.
-    fn difference(&self, optimizer: &Pareto, found: &Generation) -> Option<&'static str> {
+    /// now. Costs need scans and are taken from the journal, as errors are.
+    fn difference(&self, optimizer: &Pareto, found: &Generation) -> Option<String> {
         let (drawn, _) = self.draw(optimizer);
-        let own = self.worth();
-        let same = |read: fn(&CandidateRecord) -> (&Vec<f64>, u32)| {
-            found.candidates.iter().map(read).eq(drawn.candidates.iter().map(read))
-        };
-        let worth = |c: &CandidateRecord| c.fitness == own.of(&c.errors);
-        let seen = |c: &CandidateRecord| c.errors.iter().map(|error| &error.pair).eq(&drawn.pairs);
-        let ended = optimizer.generation() >= u64::from(self.search.config.front.generations);
-        let fields = [
-            ("generation", !ended && found.generation == drawn.generation),
-            ("pairs", found.pairs == drawn.pairs),
-            ("candidates", same(|c| (&c.point, c.settings))),
-            ("errors", found.candidates.iter().all(seen)),
-            ("fitness", found.candidates.iter().all(worth)),
-            ("cost", found.candidates.iter().all(|c| c.cost.is_some())),
-        ];
-        fields.into_iter().find(|(_, same)| !same).map(|(field, _)| field)
+        let front = self.search.config.front;
+        if optimizer.generation() >= u64::from(front.generations) {
+            return Some("generation".into());
+        }
+        difference(found, &drawn, &|c| self.worth().of(&c.errors))
+            .or_else(|| found.candidates.iter().any(|c| c.cost.is_none()).then(|| "cost".into()))
     }
 
     /// Next generation before any scan, and the parameters of its candidates.
@@ -309,12 +298,9 @@ impl FrontSearch<'_> {
         if self.search.stop.load(Ordering::Relaxed) {
             return Err(TuneError::Interrupted { generations });
         }
-        let config = self.search.config;
         let pairs = &self.search.bench.dataset.train;
-        let noisy = NoisyPairs { pairs, seed: config.seed, purpose: Purpose::ShortlistNoise };
-        let (bench, done) = (&self.search.bench, || observer.evaluated());
-        let scanner = self.search.scanner();
-        let summary = evaluate_and_cost(bench, &parameters, &noisy, &scanner, &config.data, &done)?;
+        let noise = Purpose::ShortlistNoise;
+        let summary = self.search.summary(&parameters, pairs, noise, observer)?;
         let cost = summary.cost.map_or(f64::NAN, |cost| self.cost.of(&cost));
         Ok(Finalist { parameters, values: logarithms(self.worth().of(&summary.errors), cost) })
     }

@@ -126,17 +126,7 @@ mod tests {
     fn evaluated(energy_j: f64, error: f64, spread: f64) -> (Values, Summary) {
         let pair = |pair: usize| {
             let frobenius = error + [spread, -spread][pair % 2];
-            let stop = String::new();
-            let (points, iterations) = ([1, 1], 1);
-            PairError {
-                pair,
-                translation_m: 0.1,
-                rotation_deg: 0.1,
-                frobenius,
-                points,
-                stop,
-                iterations,
-            }
+            PairError { pair, frobenius, ..PairError::default() }
         };
         let cost = Some(ScanCost { energy_j, instructions: 1.0, bits: 1.0, seconds: 1.0 });
         let summary = Summary::from_errors((0..40).map(pair).collect(), &DataConfig::default());

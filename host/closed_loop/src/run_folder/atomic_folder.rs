@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::run_folder::files::{FileError, file_error, make_folders, replace, sync_folder_of};
+use crate::run_folder::files::{
+    FileError, file_error, make_folders, replace, sync_folder_of, toml_text,
+};
 
 /// A new folder. Files go into a folder beside it, which takes its name when it is complete and is
 /// removed when dropped before.
@@ -51,24 +53,13 @@ impl AtomicFolder {
     }
 
     /// Writes a file of the folder.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) -> Result<(), FileError> {
         replace(&self.part.join(name), content.as_ref())
     }
 
     /// Writes a table as a file of the folder.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn write_toml(&self, name: &str, table: &impl Serialize) -> Result<(), FileError> {
-        let text = toml::to_string(table)
-            .map_err(io::Error::other)
-            .map_err(file_error("write", &self.part.join(name)))?;
-        self.write(name, text)
+        self.write(name, toml_text(&self.part.join(name), table)?)
     }
 
     /// Gives the folder its name, durably.

@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use echoloop_files::folder_of;
+use serde::Serialize;
 use thiserror::Error;
 
 /// Failed operation on a file.
@@ -92,7 +93,7 @@ fn is_open_already(path: &Path) -> bool {
 
 /// True when a path still leads to this open file, and not through a link.
 #[cfg(unix)]
-pub fn is_at(file: &File, path: &Path) -> bool {
+fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
     let place = |found: Metadata| (found.dev(), found.ino());
     let (open, there) = (file.metadata().map(place), fs::symlink_metadata(path).map(place));
@@ -101,23 +102,14 @@ pub fn is_at(file: &File, path: &Path) -> bool {
 
 /// True when a path leads to a regular file, which is all that this system tells.
 #[cfg(not(unix))]
-pub fn is_at(_: &File, path: &Path) -> bool {
+fn is_at(_: &File, path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok_and(|found| found.is_file())
 }
 
 /// Opens a regular file, and refuses a link, a FIFO or a folder.
-///
-/// # Errors
-///
-/// [`FileError`].
 pub fn open_own(path: &Path, options: &OpenOptions) -> Result<File, FileError> {
     is_free_for_a_file(path)?;
-    let file = options.open(path).map_err(file_error("open", path))?;
-    if !is_at(&file, path) {
-        let problem = "something else was put there at that moment";
-        return Err(file_error("open", path)(io::Error::other(problem)));
-    }
-    Ok(file)
+    options.open(path).map_err(file_error("open", path))
 }
 
 /// Creates a part file. Removes one that a process left that died.
@@ -139,10 +131,6 @@ pub fn begin_part(part: &Path) -> Result<File, FileError> {
 }
 
 /// Moves a part file to its place: the content durable first, then renamed, then the name durable.
-///
-/// # Errors
-///
-/// [`FileError`].
 pub fn settle_part(file: &File, part: &Path, path: &Path) -> Result<(), FileError> {
     file.sync_all().map_err(file_error("write", part))?;
     is_free_for_a_file(path)?;
@@ -170,15 +158,16 @@ pub fn sync_folder_of(_: &Path) -> Result<(), FileError> {
 }
 
 /// Makes a folder and its missing parents, durably.
-///
-/// # Errors
-///
-/// [`FileError`].
 pub fn make_folders(folder: &Path) -> Result<(), FileError> {
     let is_missing = |path: &&Path| !path.as_os_str().is_empty() && !path.exists();
     let missing: Vec<&Path> = folder.ancestors().take_while(is_missing).collect();
     fs::create_dir_all(folder).map_err(file_error("make the folder", folder))?;
     missing.into_iter().try_for_each(sync_folder_of)
+}
+
+/// TOML text of a document, for the file at `path`.
+pub fn toml_text(path: &Path, document: &impl Serialize) -> Result<String, FileError> {
+    toml::to_string(document).map_err(io::Error::other).map_err(file_error("write", path))
 }
 
 /// Replaces a file as a whole, durably.
@@ -235,10 +224,6 @@ impl Output {
     }
 
     /// Writes the file, whole or not at all. To a device or a pipe it writes what is taken.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn write(&self, bytes: &[u8]) -> Result<(), FileError> {
         if self.is_stream {
             let opened = OpenOptions::new().write(true).open(&self.path);
@@ -263,10 +248,6 @@ pub struct Lock {
 
 impl Lock {
     /// Takes the lock. Refuses when another process holds it.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn take(path: &Path) -> Result<Self, FileError> {
         let mut options = OpenOptions::new();
         let file = open_own(path, options.write(true).create(true).truncate(false))?;

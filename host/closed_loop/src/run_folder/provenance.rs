@@ -84,16 +84,10 @@ impl About {
     }
 
     /// Adds this process to the provenance of a run's folder.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn record(mut self, folder: &RunFolder) -> Result<(), FileError> {
         self.format = FORMAT;
         self.sessions.push(Session::now());
-        let text = serde_json::to_string_pretty(&self).map_err(std::io::Error::from);
-        let text = text.map_err(file_error("write", &folder.file(ABOUT)))?;
-        folder.write(ABOUT, text + "\n")
+        folder.write_json(ABOUT, &self)
     }
 }
 

@@ -16,7 +16,7 @@ use crate::parameters::ThetaReg;
 use crate::parameters::{Axis, Scale, Values, written_values};
 use crate::run_folder::files::{
     FileError, Lock, Output, PART, beside, file_error, is_free_for_a_file, make_folders, replace,
-    sync_folder_of,
+    sync_folder_of, toml_text,
 };
 use crate::search::{Check, Finalist, Stage};
 
@@ -121,7 +121,7 @@ pub struct Background {
     /// Place of each held-out pair.
     pub places: Vec<String>,
     /// Stages in their order.
-    pub stages: Vec<StageRecord>,
+    pub stages: Vec<Stage>,
     /// The axes of the cube, in the order of its coordinates.
     pub axes: Vec<AxisRecord>,
     /// Names of the axes of the last stage.
@@ -130,26 +130,6 @@ pub struct Background {
     pub correlations: Vec<Vec<f64>>,
     /// Share of the covariance that the optimiser can have learned, 0 to 1.
     pub covariance_learned: f64,
-}
-
-/// Stage of a run.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct StageRecord {
-    /// Name in the journal.
-    pub name: String,
-    /// Generations.
-    pub generations: u32,
-    /// Candidates a generation.
-    pub population: usize,
-    /// Training pairs a generation.
-    pub pairs: usize,
-}
-
-impl From<&Stage> for StageRecord {
-    fn from(stage: &Stage) -> Self {
-        let Stage { name, generations, population, pairs, .. } = *stage;
-        Self { name: name.into(), generations, population, pairs }
-    }
 }
 
 /// Axis of the cube.
@@ -251,7 +231,7 @@ impl RunFolder {
         make_folders(path)?;
         let folder = Self { _lock: Lock::take(&path.join(LOCK))?, path: path.to_owned() };
         folder.write(README, readme())?;
-        folder.write_config(config)?;
+        folder.write_toml(CONFIG, config)?;
         Ok(folder)
     }
 
@@ -283,59 +263,23 @@ impl RunFolder {
     }
 
     /// Writes a file as a whole, durably.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) -> Result<(), FileError> {
         replace(&self.file(name), content.as_ref())
     }
 
-    /// Writes the configuration with every value.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
-    pub fn write_config(&self, config: &RunConfig) -> Result<(), FileError> {
-        self.write_as(CONFIG, config)
+    /// Writes a document as a TOML file.
+    pub fn write_toml(&self, name: &str, document: &impl Serialize) -> Result<(), FileError> {
+        self.write(name, toml_text(&self.file(name), document)?)
     }
 
-    /// Writes the configuration that starts with the tuned parameters.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
-    pub fn write_tuned(&self, config: &RunConfig) -> Result<(), FileError> {
-        self.write_as(TUNED, config)
-    }
-
-    fn write_as(&self, name: &str, config: &RunConfig) -> Result<(), FileError> {
-        let path = self.file(name);
-        let text = toml::to_string(config)
-            .map_err(io::Error::other)
-            .map_err(file_error("write", &path))?;
-        self.write(name, text)
-    }
-
-    /// Writes the result.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
-    pub fn write_result(&self, result: &RunResult) -> Result<(), FileError> {
-        let path = self.file(RESULT);
-        let text = serde_json::to_string_pretty(result)
-            .map_err(io::Error::from)
-            .map_err(file_error("write", &path))?;
-        self.write(RESULT, text + "\n")
+    /// Writes a document as a JSON file.
+    pub fn write_json(&self, name: &str, document: &impl Serialize) -> Result<(), FileError> {
+        let text = serde_json::to_string_pretty(document).map_err(io::Error::from);
+        self.write(name, text.map_err(file_error("write", &self.file(name)))? + "\n")
     }
 
     /// Renames a journal that the run will not resume. Does nothing when there is none; replaces
     /// one that was put aside before.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn put_aside(&self, name: &str) -> Result<(), FileError> {
         let path = self.file(name);
         if !path.exists() {
@@ -347,10 +291,6 @@ impl RunFolder {
     }
 
     /// Points the link `latest` in the parent folder here. Without links, a file holds the name.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn become_latest(&self) -> Result<(), FileError> {
         let (Some(runs), Some(name)) = (self.path.parent(), self.path.file_name()) else {
             return Ok(());
@@ -491,12 +431,10 @@ mod tests {
         let file = runs.path().join("file");
         fs::write(&file, "").unwrap();
         for path in [file.clone(), file.join("below")] {
-            assert!(
-                RunFolder::check(&path)
-                    .unwrap_err()
-                    .to_string()
-                    .contains(&path.display().to_string())
-            );
+            let checked = RunFolder::check(&path).unwrap_err();
+            for error in [checked, RunFolder::create(&path, "a").unwrap_err()] {
+                assert!(error.to_string().contains(&path.display().to_string()), "{error}");
+            }
         }
         let free = runs.path().join("a/b");
         RunFolder::check(&free).unwrap();
@@ -532,14 +470,5 @@ mod tests {
             assert!(error.contains(name) && error.contains("a folder is in the way"), "{error}");
             fs::remove_dir(path.join(name)).unwrap();
         }
-    }
-
-    #[test]
-    fn a_folder_that_cannot_be_made_is_named() {
-        let runs = tempfile::tempdir().unwrap();
-        let file = runs.path().join("file");
-        fs::write(&file, "").unwrap();
-        let error = RunFolder::create(&file.join("below"), "a").unwrap_err().to_string();
-        assert!(error.contains("file/below"), "{error}");
     }
 }

@@ -32,10 +32,6 @@ pub enum ScanError {
 }
 
 /// [`ScanError::Interrupted`] once a stop was asked for.
-///
-/// # Errors
-///
-/// As said.
 pub fn go_on(stop: &AtomicBool) -> Result<(), ScanError> {
     if stop.load(Ordering::Relaxed) { Err(ScanError::Interrupted) } else { Ok(()) }
 }

@@ -14,7 +14,6 @@ use crate::prepared::{PairSet, Prepared};
 use crate::run_folder::atomic_folder::AtomicFolder;
 use echoloop_registration::cloud::{CloudFormat, Recorded};
 use echoloop_registration::pose::{Pose, to_rows};
-use echoloop_sensors::sensor::View;
 
 /// A pair, scanned with the configured settings.
 pub struct ScannedPair<'a> {
@@ -37,7 +36,7 @@ pub fn scan_pairs<'a>(
     let noisy = prepared.pairs(which);
     let scan_one = |(index, pair)| {
         go_on(stop)?;
-        let scanned = scan_pair(prepared, pair, noisy.noise_seed(index));
+        let scanned = scan_pair(prepared, (index, pair), noisy.noise_seed(index));
         done();
         scanned
     };
@@ -46,18 +45,10 @@ pub fn scan_pairs<'a>(
 
 fn scan_pair<'a>(
     prepared: &Prepared,
-    pair: &'a ScanPair,
+    (index, pair): (usize, &'a ScanPair),
     noise_seed: u64,
 ) -> Result<ScannedPair<'a>, ScanError> {
-    let views = [(&pair.first, 1), (&pair.second, 2)];
-    let scans = prepared.sensors.with(|sensor| {
-        sensor.configure(&prepared.start.settings)?;
-        let mut look = |at: usize| {
-            let (scene, scan) = views[at];
-            sensor.scan(&View { scene, noise_seed, scan, viewpoint: pair.viewpoints[at] })
-        };
-        Ok([look(0)?, look(1)?])
-    })?;
+    let scans = prepared.bench().scan(&prepared.start.settings, index, pair, noise_seed)?.scans;
     let (beams, duration_s) = (&prepared.dataset.beams, prepared.config.motion.duration_s);
     let cloud = |i: usize| {
         let viewpoint = pair.viewpoints[i];

@@ -96,10 +96,6 @@ impl Trajectory<'_> {
 
     /// Writes `poses.txt` as KITTI has them, `times.txt` if there are times, and `config.toml`;
     /// then gives the folder its name.
-    ///
-    /// # Errors
-    ///
-    /// [`FileError`].
     pub fn finish(&self, folder: AtomicFolder) -> Result<(), FileError> {
         let line =
             |row: &[f64]| row.iter().map(f64::to_string).collect::<Vec<_>>().join(" ") + "\n";

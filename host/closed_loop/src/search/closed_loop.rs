@@ -20,7 +20,7 @@ impl SearchRun<'_> {
     ///
     /// [`TuneError`] of the optimiser, the sensor or the journal, and when interrupted.
     pub(super) fn closed_loop(&mut self, stage: &Stage, base: &[f64]) -> Result<CmaEs, TuneError> {
-        self.evaluator.observer.stage(stage.name, stage.registrations());
+        self.evaluator.observer.stage(&stage.name, stage.registrations());
         let mut optimizer = self.optimizer(stage, base)?;
         for number in stage.place.generations.. {
             if optimizer.stop().is_some() {

@@ -309,7 +309,8 @@ mod tests {
                     let number = task.parameters.get(NUMBER).expect("a number");
                     let own = Generator::from_key([task.noise, number as u64, 0, 0]).normals(1)[0];
                     let frobenius = libm::exp(step * (number - 10.0) - 5.0 + spread * own);
-                    PairResult { error: PairError { frobenius, ..error(task.pair) }, cost: None }
+                    let error = PairError { pair: task.pair, frobenius, ..PairError::default() };
+                    PairResult { error, cost: None }
                 };
                 Ok(Some(tasks.iter().map(result).collect()))
             };
@@ -320,18 +321,6 @@ mod tests {
 
         fn pairs_seen(&self, finalists: &[usize]) -> Vec<usize> {
             finalists.iter().map(|&i| self.selection.results(i).len()).collect()
-        }
-    }
-
-    fn error(pair: usize) -> PairError {
-        PairError {
-            pair,
-            translation_m: 0.0,
-            rotation_deg: 0.0,
-            frobenius: 1.0,
-            points: [100, 100],
-            stop: String::new(),
-            iterations: 1,
         }
     }
 

@@ -113,15 +113,7 @@ mod tests {
     use crate::cost::CostKind;
 
     fn error(pair: usize, translation_m: f64) -> PairError {
-        PairError {
-            pair,
-            translation_m,
-            rotation_deg: 0.0,
-            frobenius: translation_m,
-            points: [100, 100],
-            stop: String::new(),
-            iterations: 1,
-        }
+        PairError { pair, translation_m, frobenius: translation_m, ..PairError::default() }
     }
 
     fn cost(energy_j: f64) -> Option<ScanCost> {

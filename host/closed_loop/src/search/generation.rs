@@ -48,7 +48,7 @@ impl SearchRun<'_> {
         let still = vec![0.0; base.len()];
         let generation = Generation {
             generation: self.generations.len() as u32,
-            stage: stage.name.to_owned(),
+            stage: stage.name.to_string(),
             pairs: self.pairs_of(number.into(), stage.pairs),
             mean: stage.expanded(optimizer.mean(), base),
             deviations: stage.expanded(&optimizer.deviations(), &still),
@@ -110,7 +110,8 @@ impl SearchRun<'_> {
         recorded: Generation,
         asked: &Asked,
     ) -> Result<Generation, TuneError> {
-        match difference(&recorded, &asked.generation, &self.fitness) {
+        let fitness = |c: &CandidateRecord| self.fitness.of(&c.errors, c.cost.as_ref());
+        match difference(&recorded, &asked.generation, &fitness) {
             None => Ok(recorded),
             Some(field) => Err(TuneError::Diverged { generation: self.generations.len(), field }),
         }

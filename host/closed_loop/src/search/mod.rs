@@ -35,6 +35,7 @@ pub(super) use batch::{Evaluator, Task};
 pub use external_candidate::Judge;
 pub(super) use fitness::mean_cost;
 pub use origin::Origin;
+pub(super) use replay::difference;
 pub use stage::{Stage, stages};
 pub use tune_search::{Check, Finalist, Observer, Silent, TuneError, TuneSearch, Tuned};
 

@@ -1,6 +1,5 @@
 //! Comparison of a journal's generations with those that a search would write now.
 
-use super::fitness::Fitness;
 use crate::run_folder::journal::{CandidateRecord, Generation};
 
 /// First field in which a generation of the journal differs, bit for bit, from the one that would
@@ -9,10 +8,10 @@ use crate::run_folder::journal::{CandidateRecord, Generation};
 ///
 /// A search's start depends on the defaults of this version besides its configuration, so equal
 /// headers do not suffice.
-pub(super) fn difference(
+pub(crate) fn difference(
     found: &Generation,
     drawn: &Generation,
-    fitness: &Fitness<'_>,
+    fitness: &dyn Fn(&CandidateRecord) -> f64,
 ) -> Option<String> {
     let fields = [
         ("generation", found.generation == drawn.generation),
@@ -37,7 +36,7 @@ fn candidate_difference(
     found: &CandidateRecord,
     asked: &CandidateRecord,
     pairs: &[usize],
-    fitness: &Fitness<'_>,
+    fitness: &dyn Fn(&CandidateRecord) -> f64,
 ) -> Option<&'static str> {
     let fields = [
         ("point", found.point == asked.point),
@@ -45,7 +44,7 @@ fn candidate_difference(
         ("repaired", found.repaired == asked.repaired),
         ("settings", found.settings == asked.settings),
         ("errors", found.errors.iter().map(|error| &error.pair).eq(pairs)),
-        ("fitness", found.fitness == fitness.of(&found.errors, found.cost.as_ref())),
+        ("fitness", found.fitness == fitness(found)),
     ];
     fields.into_iter().find(|(_, same)| !same).map(|(field, _)| field)
 }
@@ -55,9 +54,6 @@ mod tests {
     use echoloop_cmaes::{CmaEs, CmaEsConfig};
 
     use super::*;
-    use crate::config::preset::ErrorMean;
-    use crate::config::preset::Objective;
-    use crate::config::{DataConfig, TuneConfig};
     use crate::evaluation::objective::PairError;
     use crate::parameters::Values;
 
@@ -67,15 +63,7 @@ mod tests {
 
     /// A generation of two pairs, with the errors that a search would have written.
     fn written(optimizer: &CmaEs) -> Generation {
-        let error = |pair| PairError {
-            pair,
-            translation_m: 0.1,
-            rotation_deg: 0.1,
-            frobenius: pair as f64,
-            points: [100, 100],
-            stop: String::new(),
-            iterations: 1,
-        };
+        let error = |pair| PairError { pair, frobenius: pair as f64, ..PairError::default() };
         let record = |point| CandidateRecord {
             point,
             values: Values::from([("lidar.power".into(), 5.0)]),
@@ -98,13 +86,8 @@ mod tests {
 
     #[test]
     fn a_search_goes_on_only_from_what_it_would_have_written_itself() {
-        let tune = TuneConfig {
-            error_mean: ErrorMean::Arithmetic,
-            error_cap: 3.0,
-            objective: Objective::Error,
-            ..TuneConfig::default()
-        };
-        let fitness = Fitness { tune: &tune, data: &DataConfig::default(), start: Vec::new() };
+        let capped = |error: &PairError| error.frobenius.min(3.0);
+        let fitness = |c: &CandidateRecord| c.errors.iter().map(capped).sum::<f64>() / 2.0;
         let drawn = written(&search(0.5));
         assert_eq!(difference(&written(&search(0.5)), &drawn, &fitness), None);
         assert_eq!(difference(&written(&search(0.6)), &drawn, &fitness).unwrap(), "mean");

@@ -25,7 +25,7 @@ pub(super) fn shortlist(
     best.sort_by(|a, b| a.0.total_cmp(&b.0));
     best.truncate(count);
     let mean = stage.expanded(optimizer.mean(), base);
-    let origin_of_mean = Origin::Mean { stage: stage.name.to_owned() };
+    let origin_of_mean = Origin::Mean { stage: stage.name.to_string() };
     let mut list = vec![(origin_of_mean, space.parameters(&mean).0)];
     list.extend(best.into_iter().map(|(_, generation, i)| {
         (Origin::of(generation, i), space.parameters(&generation.candidates[i].point).0)

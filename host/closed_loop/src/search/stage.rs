@@ -1,18 +1,25 @@
 //! Order of the search stages.
 
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
+
 use crate::config::TuneConfig;
 use crate::config::preset::Strategy;
 use crate::parameters::Space;
 
-/// One search of a run: some axes, from the start or from the winner so far.
-#[derive(Clone, Debug, PartialEq)]
+/// One search of a run: some axes, from the start or from the winner so far. Results keep its name
+/// and sizes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stage {
     /// Name in the journal: `lidar alone`, `registration`, `lidar` or `joint`.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// Place in its line of stages. A stage from the start begins a line, so that a protocol part
     /// searched beside the other draws, and finds, the same as by itself.
+    #[serde(skip)]
     pub place: Place,
     /// Indices of the axes that it moves; the others keep their values.
+    #[serde(skip)]
     pub axes: Vec<usize>,
     /// Number of generations.
     pub generations: u32,
@@ -21,6 +28,7 @@ pub struct Stage {
     /// Training pairs per generation.
     pub pairs: usize,
     /// Initial step size in the unit cube.
+    #[serde(skip)]
     pub sigma: f64,
 }
 
@@ -116,7 +124,7 @@ impl Plan<'_> {
             some => some,
         };
         Stage {
-            name,
+            name: name.into(),
             place,
             generations,
             population: self.population(axes.len()),

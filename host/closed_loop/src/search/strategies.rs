@@ -131,7 +131,7 @@ impl SearchRun<'_> {
             incumbent = registration;
         }
         let origin = selection.origin(incumbent).clone();
-        let values = |parameters: &Parameters| search.searched_values(parameters);
+        let values = |parameters: &Parameters| search.space.values(parameters);
         let parameters = *selection.parameters(incumbent);
         let finalists = selection.finalists(&self.fitness, values);
         Ok(Tuned {

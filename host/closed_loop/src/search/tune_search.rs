@@ -9,6 +9,7 @@ use thiserror::Error;
 use super::stage::{Stage, stages};
 use crate::config::RunConfig;
 use crate::cost::Scanner;
+use crate::dataset::ScanPair;
 use crate::dataset::fingerprint::{Content, build};
 use crate::evaluation::objective::Bench;
 use crate::evaluation::summary::{NoisyPairs, Summary, evaluate_and_cost};
@@ -194,28 +195,29 @@ impl TuneSearch<'_> {
         self.stages().iter().map(Stage::registrations).sum()
     }
 
-    /// Searched parameters by name.
-    pub fn searched_values(&self, parameters: &Parameters) -> Values {
-        self.space.values(parameters)
-    }
-
     /// Cost model of its scans.
     pub fn scanner(&self) -> Scanner {
         self.bench.scanner(self.config.hardware(), self.config.motion.duration_s)
     }
 
     /// Evaluates parameters on the held-out pairs.
-    ///
-    /// # Errors
-    ///
-    /// [`SensorError`].
     pub fn judge(
         &self,
         parameters: &Parameters,
         observer: &dyn Observer,
     ) -> Result<Summary, SensorError> {
-        let pairs = &self.bench.dataset.test;
-        let noisy = NoisyPairs { pairs, seed: self.config.seed, purpose: Purpose::TestNoise };
+        self.summary(parameters, &self.bench.dataset.test, Purpose::TestNoise, observer)
+    }
+
+    /// Evaluates parameters on some pairs with the noise of a purpose.
+    pub(crate) fn summary(
+        &self,
+        parameters: &Parameters,
+        pairs: &[ScanPair],
+        purpose: Purpose,
+        observer: &dyn Observer,
+    ) -> Result<Summary, SensorError> {
+        let noisy = NoisyPairs { pairs, seed: self.config.seed, purpose };
         let (bench, scanner) = (&self.bench, &self.scanner());
         let done = || observer.evaluated();
         evaluate_and_cost(bench, parameters, &noisy, scanner, &self.config.data, &done)

@@ -1,6 +1,6 @@
 //! Heading, facts, headline and tiles.
 
-use echoloop_closed_loop::run_folder::run::StageRecord;
+use echoloop_closed_loop::search::Stage;
 
 use super::{Report, evaluation};
 use crate::page::{self, subtitle};
@@ -29,7 +29,7 @@ fn facts(report: &Report) -> Vec<(String, String)> {
     let Report { run, background, .. } = report;
     let (config, result) = (&run.config, &run.result);
     let stages = background.stages.iter().map(|stage| {
-        let StageRecord { name, generations, population, pairs } = stage;
+        let Stage { name, generations, population, pairs, .. } = stage;
         format!("{name}: {generations} generations of {population} candidates on {pairs} pairs")
     });
     let usual = [

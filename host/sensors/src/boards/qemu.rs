@@ -28,6 +28,7 @@ use object::{Architecture, Object, ObjectSegment};
 use thiserror::Error;
 
 use crate::boards::pc::{read_analog, read_noise, read_trigger};
+use crate::transport::{Transport, may_go_on};
 use echoloop_frontend::FrontEnd;
 use guard::Guard;
 
@@ -282,10 +283,6 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 impl<F: FrontEnd> Qemu<F> {
     /// Starts a sensor. `hardware.adc_bits` is taken from the front end. A machine without a front
     /// end in memory has its own hardware and pattern, and ignores the arguments.
-    ///
-    /// # Errors
-    ///
-    /// [`QemuError`].
     pub fn start(
         options: &QemuOptions,
         front_end: F,
@@ -321,57 +318,14 @@ impl<F: FrontEnd> Qemu<F> {
         self.machine
     }
 
+    /// Folder with memory, log and socket.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// Path of the log, defmt's frames.
     pub fn log_file(&self) -> PathBuf {
         self.folder.join(LOG)
-    }
-
-    /// Sends bytes to the sensor.
-    ///
-    /// # Errors
-    ///
-    /// When the emulator has ended, or takes nothing for seconds.
-    pub fn send(&mut self, mut bytes: &[u8]) -> io::Result<()> {
-        let deadline = Instant::now() + STARTING;
-        let mut idle = Idle::default();
-        while !bytes.is_empty() {
-            match self.link.write(bytes) {
-                Ok(0) => return Err(self.ended(io::ErrorKind::WriteZero.into())),
-                Ok(sent) => bytes = &bytes[sent..],
-                Err(error) if may_go_on(&error) && Instant::now() < deadline => {
-                    self.serve();
-                    idle.wait();
-                }
-                Err(error) => return Err(self.ended(error)),
-            }
-        }
-        Ok(())
-    }
-
-    /// Receives some bytes and serves shots meanwhile; 0 at the timeout.
-    ///
-    /// # Errors
-    ///
-    /// When the emulator has ended.
-    pub fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
-        let deadline = Instant::now() + timeout;
-        let mut idle = Idle::default();
-        loop {
-            if self.serve() {
-                idle = Idle::default();
-                continue; // it will ring again before it answers
-            }
-            match self.link.read(buffer) {
-                Ok(0) => return Err(self.ended(io::ErrorKind::UnexpectedEof.into())),
-                Ok(length) => return Ok(length),
-                Err(error) if may_go_on(&error) => {}
-                Err(error) => return Err(self.ended(error)),
-            }
-            if Instant::now() >= deadline {
-                return Ok(0);
-            }
-            idle.wait();
-        }
     }
 
     /// Answers the doorbell. False when it has not rung.
@@ -411,10 +365,45 @@ impl<F: FrontEnd> Qemu<F> {
     }
 }
 
-impl<F> Qemu<F> {
-    /// Folder with memory, log and socket.
-    pub fn folder(&self) -> &Path {
-        &self.folder
+impl<F: FrontEnd> Transport for Qemu<F> {
+    /// Fails when the emulator has ended, or takes nothing for seconds.
+    fn send(&mut self, mut bytes: &[u8]) -> io::Result<()> {
+        let deadline = Instant::now() + STARTING;
+        let mut idle = Idle::default();
+        while !bytes.is_empty() {
+            match self.link.write(bytes) {
+                Ok(0) => return Err(self.ended(io::ErrorKind::WriteZero.into())),
+                Ok(sent) => bytes = &bytes[sent..],
+                Err(error) if may_go_on(&error) && Instant::now() < deadline => {
+                    self.serve();
+                    idle.wait();
+                }
+                Err(error) => return Err(self.ended(error)),
+            }
+        }
+        Ok(())
+    }
+
+    /// Serves shots meanwhile.
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+        let deadline = Instant::now() + timeout;
+        let mut idle = Idle::default();
+        loop {
+            if self.serve() {
+                idle = Idle::default();
+                continue; // it will ring again before it answers
+            }
+            match self.link.read(buffer) {
+                Ok(0) => return Err(self.ended(io::ErrorKind::UnexpectedEof.into())),
+                Ok(length) => return Ok(length),
+                Err(error) if may_go_on(&error) => {}
+                Err(error) => return Err(self.ended(error)),
+            }
+            if Instant::now() >= deadline {
+                return Ok(0);
+            }
+            idle.wait();
+        }
     }
 }
 
@@ -591,10 +580,6 @@ fn failure(emulator: &Mutex<Emulator>, machine: Machine, folder: &Path) -> Optio
         machine.emulator(),
         if said.is_empty() { "" } else { ": " }
     ))
-}
-
-fn may_go_on(error: &io::Error) -> bool {
-    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted)
 }
 
 /// Waiting that gets longer each time: a doorbell is answered in a microsecond, and an idle link

@@ -16,7 +16,7 @@ use thiserror::Error;
 
 use super::spec::{Port, SpecError};
 use crate::defmt_log::{Messages, begin_file, write_lines};
-use crate::transport::{Serial, Transport};
+use crate::transport::{Serial, Transport, may_go_on};
 use echoloop_files::say;
 
 /// Timeout of a connection to a debugger.
@@ -130,16 +130,11 @@ impl Line {
             Self::Serial(port) => port.receive(buffer, QUIET),
             Self::Tcp(stream) => match stream.read(buffer) {
                 Ok(0) => Err(io::Error::other("its other end was closed")),
-                Err(error) if is_too_early(&error) => Ok(0),
+                Err(error) if may_go_on(&error) || error.kind() == io::ErrorKind::TimedOut => Ok(0),
                 read => read,
             },
         }
     }
-}
-
-fn is_too_early(error: &io::Error) -> bool {
-    use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
-    matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
 }
 
 /// Connects to the first address of a name that answers.

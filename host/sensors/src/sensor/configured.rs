@@ -5,7 +5,6 @@ use echoloop_link::Room;
 
 use super::{Model, SensorError, Sensors};
 use crate::client::Identity;
-use crate::pattern::described;
 
 impl Sensors {
     /// Name and firmware, as in `serial:/dev/ttyACM0@115200, echoloop-sensor 0.1.0`.
@@ -24,7 +23,6 @@ impl Sensors {
         let refused = |problem: String| Err(SensorError::open(self.name(), problem));
         let (theirs, ours) = (identity.pattern, model.pattern);
         if theirs != ours {
-            let [theirs, ours] = [theirs, ours].map(|pattern| described(&pattern));
             return refused(format!(
                 "its beams are {theirs}, the configuration's [scanner] has {ours}"
             ));

@@ -6,7 +6,6 @@
 //! end makes here: [`Sensor::fed`].
 
 mod board_log;
-mod boards;
 mod configured;
 mod pool;
 mod qemu;
@@ -24,14 +23,13 @@ use echoloop_link::{Noise, Room};
 use echoloop_parameters::choice;
 use thiserror::Error;
 
-use crate::client::{Client, ClientError, Identity, RetryPolicy};
+use crate::client::{Client, ClientError, RetryPolicy};
 use crate::transport::{InProcess, Serial, Transport};
 use echoloop_frontend::{FrontEnd, Receiver, WaveformFrontEnd};
 
 pub use board_log::{BoardLog, LogSource, LogSourceError};
 pub use pool::Sensors;
-pub use qemu::QemuOptions;
-pub use qemu::end_emulators;
+pub use qemu::{QemuOptions, end_emulators};
 pub use spec::{FrontEndAt, Port, SensorSpec, SpecError};
 
 /// Line to a sensor of any kind.
@@ -159,16 +157,13 @@ enum ViewControl {
 
 /// Sensor and its view.
 pub struct Sensor {
-    client: Client<Line>,
+    /// Client of the sensor.
+    pub client: Client<Line>,
     view_control: ViewControl,
 }
 
 impl Sensor {
     /// Sensor in this process.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn in_process(model: &Model) -> Result<Self, ClientError> {
         let front_end = Arc::new(Mutex::new(model.front_end()));
         let sensor = PcSensor::new(Arc::clone(&front_end), model.pattern, model.hardware);
@@ -177,10 +172,6 @@ impl Sensor {
     }
 
     /// As [`Sensor::in_process`], fed waveforms over its link.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn in_process_fed(model: &Model) -> Result<Self, ClientError> {
         let sensor = PcSensor::new(model.front_end(), model.pattern, model.hardware);
         let sensor = model.detector.of(sensor);
@@ -188,10 +179,6 @@ impl Sensor {
     }
 
     /// Sensor behind a line, with a front end simulated here.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn simulated(
         line: Line,
         front_end: SharedFrontEnd,
@@ -204,10 +191,6 @@ impl Sensor {
     }
 
     /// Sensor behind a line, on a turntable of its own.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn numbered(line: Line, retry_policy: RetryPolicy) -> Result<Self, ClientError> {
         Ok(Self {
             client: Client::connect(line, retry_policy)?,
@@ -216,10 +199,6 @@ impl Sensor {
     }
 
     /// Sensor behind a line, fed waveforms over it: it has no front end, or its own is not used.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn fed(line: Line, model: &Model, retry_policy: RetryPolicy) -> Result<Self, ClientError> {
         let mut client = Client::connect(line, retry_policy)?;
         let room = client.read_room()?;
@@ -227,33 +206,21 @@ impl Sensor {
         Ok(Self { client, view_control: ViewControl::Fed(Box::new(shots), room) })
     }
 
-    /// Board on a serial port.
+    /// Board on a serial port; fed waveforms over it where there is a model to make them by.
     ///
     /// # Errors
     ///
     /// [`SensorError::Open`] with the port and the reason.
-    pub fn serial(port: &Port) -> Result<Self, SensorError> {
-        Self::on_port(port, Self::numbered)
-    }
-
-    /// Board on a serial port, fed waveforms over it.
-    ///
-    /// # Errors
-    ///
-    /// As [`Sensor::serial`].
-    pub fn serial_fed(port: &Port, model: &Model) -> Result<Self, SensorError> {
-        Self::on_port(port, |line, retry_policy| Self::fed(line, model, retry_policy))
-    }
-
-    fn on_port(
-        port: &Port,
-        connect: impl FnOnce(Line, RetryPolicy) -> Result<Self, ClientError>,
-    ) -> Result<Self, SensorError> {
-        let name = || SensorSpec::Serial(port.clone());
+    pub fn serial(port: &Port, fed_by: Option<&Model>) -> Result<Self, SensorError> {
+        let name = SensorSpec::Serial(port.clone());
         let line = Serial::open(&port.path, port.baud)
-            .map_err(|reason| SensorError::open(name(), reason))?;
-        connect(Box::new(line), Serial::retry_policy(port.baud))
-            .map_err(SensorError::client(name()))
+            .map_err(|reason| SensorError::open(&name, reason))?;
+        let (line, retry_policy) = (Box::new(line), Serial::retry_policy(port.baud));
+        match fed_by {
+            None => Self::numbered(line, retry_policy),
+            Some(model) => Self::fed(line, model, retry_policy),
+        }
+        .map_err(SensorError::client(&name))
     }
 
     /// Room for waveforms of a fed sensor; `None` of others.
@@ -265,10 +232,6 @@ impl Sensor {
     }
 
     /// Sets the view and scans it.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn scan(&mut self, view: &View<'_>) -> Result<Vec<Echoes>, ClientError> {
         let Self { client, view_control } = self;
         match view_control {
@@ -290,22 +253,8 @@ impl Sensor {
     }
 
     /// Commits settings, and returns their hash.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
     pub fn configure(&mut self, settings: &Settings) -> Result<u32, ClientError> {
         self.client.configure(settings)
-    }
-
-    /// Identity of the sensor.
-    pub fn identity(&self) -> &Identity {
-        self.client.identity()
-    }
-
-    /// Client of the sensor.
-    pub fn client(&mut self) -> &mut Client<Line> {
-        &mut self.client
     }
 }
 

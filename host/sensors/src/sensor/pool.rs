@@ -32,25 +32,19 @@ struct State {
 impl Sensors {
     /// Pool of the sensors that `--sensor` and `--front-end` name.
     pub fn new(spec: &SensorSpec, at: FrontEndAt, model: Model, qemu: QemuOptions) -> Self {
-        let name = spec.to_string();
-        match spec.clone() {
-            SensorSpec::InProcess => {
-                let named = SensorSpec::InProcess;
-                let open = move || match at {
-                    FrontEndAt::Sensor => Sensor::in_process(&model),
-                    FrontEndAt::Host => Sensor::in_process_fed(&model),
-                };
-                let open = move || open().map_err(SensorError::client(&named));
-                Self::opened_by(name, usize::MAX, open)
+        let (name, spec) = (spec.to_string(), spec.clone());
+        let limit = if matches!(spec, SensorSpec::Serial(_)) { 1 } else { usize::MAX };
+        Self::opened_by(name, limit, move || match (&spec, at) {
+            (SensorSpec::InProcess, FrontEndAt::Sensor) => {
+                Sensor::in_process(&model).map_err(SensorError::client(&spec))
             }
-            SensorSpec::Qemu(board) => {
-                Self::opened_by(name, usize::MAX, move || open_qemu(&model, at, &board, &qemu))
+            (SensorSpec::InProcess, FrontEndAt::Host) => {
+                Sensor::in_process_fed(&model).map_err(SensorError::client(&spec))
             }
-            SensorSpec::Serial(port) => Self::opened_by(name, 1, move || match at {
-                FrontEndAt::Sensor => Sensor::serial(&port),
-                FrontEndAt::Host => Sensor::serial_fed(&port, &model),
-            }),
-        }
+            (SensorSpec::Qemu(board), _) => open_qemu(&model, at, board, &qemu),
+            (SensorSpec::Serial(port), FrontEndAt::Sensor) => Sensor::serial(port, None),
+            (SensorSpec::Serial(port), FrontEndAt::Host) => Sensor::serial(port, Some(&model)),
+        })
     }
 
     /// Pool of sensors in this process.
@@ -80,12 +74,8 @@ impl Sensors {
     }
 
     /// Identity of the sensors; opens the first.
-    ///
-    /// # Errors
-    ///
-    /// [`SensorError`].
     pub fn identity(&self) -> Result<Identity, SensorError> {
-        self.with(|sensor| Ok(sensor.identity().clone()))
+        self.with(|sensor| Ok(sensor.client.identity().clone()))
     }
 
     /// Takes a sensor, or waits for one, calls `work` with it, and gives it back. A sensor that

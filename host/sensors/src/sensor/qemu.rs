@@ -15,7 +15,7 @@ pub struct QemuOptions {
 }
 
 #[cfg(unix)]
-pub use here::end_emulators;
+pub use crate::boards::qemu::stop_all as end_emulators;
 #[cfg(unix)]
 pub(super) use here::open_qemu;
 
@@ -76,11 +76,6 @@ mod here {
             FrontEndAt::Host => Sensor::fed(line, model, RETRY_POLICY),
         };
         sensor.map_err(SensorError::client(&name))
-    }
-
-    /// Ends all emulators of this process, before it exits.
-    pub fn end_emulators() {
-        qemu::stop_all();
     }
 
     /// Line that writes the sensor's log when it is dropped.

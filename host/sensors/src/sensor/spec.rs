@@ -6,8 +6,6 @@ use std::str::FromStr;
 use echoloop_parameters::choice;
 use thiserror::Error;
 
-use super::boards::boards;
-
 /// Default speed of a serial line, baud.
 const BAUD: u32 = 921_600;
 
@@ -56,6 +54,16 @@ pub enum SpecError {
     /// Text after the last @ that is no speed.
     #[error("'{0}' is no speed of a serial line: a whole number of baud, 1 or more")]
     Baud(String),
+}
+
+/// Names of the boards that QEMU emulates here, the default first. QEMU is reached over Unix
+/// sockets, so other systems have none.
+fn boards() -> Vec<&'static str> {
+    #[cfg(unix)]
+    let boards = crate::boards::qemu::Machine::ALL.map(crate::boards::qemu::Machine::name).to_vec();
+    #[cfg(not(unix))]
+    let boards = Vec::new();
+    boards
 }
 
 impl FromStr for SensorSpec {

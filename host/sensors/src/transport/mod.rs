@@ -1,16 +1,12 @@
 //! Transports of the link's bytes.
 
 mod in_process;
-#[cfg(unix)]
-mod qemu;
-mod recording;
 mod serial;
 
 use std::io;
 use std::time::{Duration, Instant};
 
 pub use in_process::InProcess;
-pub use recording::{Conversation, Direction, Recording};
 pub use serial::{NativePort, Serial};
 
 /// Time without a byte taken after which a line is lost.
@@ -58,6 +54,11 @@ impl<T: Transport + ?Sized> Transport for Box<T> {
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
         (**self).receive(buffer, timeout)
     }
+}
+
+/// True when a call may be repeated: it was interrupted, or would block.
+pub(super) fn may_go_on(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::Interrupted | io::ErrorKind::WouldBlock)
 }
 
 /// Sends all bytes, or until `stop` returns true.

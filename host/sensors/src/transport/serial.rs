@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use echoloop_link::MAX_FRAME;
 use serialport::{ClearBuffer, ErrorKind, SerialPort};
 
-use super::{LOOK_UP, Transport, send_until};
+use super::{LOOK_UP, Transport, may_go_on, send_until};
 use crate::client::RetryPolicy;
 
 /// Port type of this system.
@@ -124,11 +124,6 @@ fn busy() -> serialport::Error {
 #[cfg(windows)]
 fn never_block(_port: &NativePort) -> io::Result<()> {
     Ok(())
-}
-
-/// True when a call may be repeated: it was interrupted, or would block.
-fn may_go_on(error: &io::Error) -> bool {
-    matches!(error.kind(), io::ErrorKind::Interrupted | io::ErrorKind::WouldBlock)
 }
 
 fn message(error: &serialport::Error) -> String {

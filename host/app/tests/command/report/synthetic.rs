@@ -14,7 +14,8 @@ use echoloop_closed_loop::front::{Front, FrontPoint, Mark};
 use echoloop_closed_loop::parameters::{Scale, Values};
 use echoloop_closed_loop::run_folder::journal::{CandidateRecord, Generation};
 use echoloop_closed_loop::run_folder::provenance::{About, Session};
-use echoloop_closed_loop::run_folder::run::{AxisRecord, Background, RunResult, StageRecord};
+use echoloop_closed_loop::run_folder::run::{AxisRecord, Background, RunResult};
+use echoloop_closed_loop::search::{Place, Stage};
 use echoloop_closed_loop::search::Finalist;
 use echoloop_random::Generator;
 use echoloop_registration::cloud::Cloud;
@@ -42,11 +43,14 @@ pub(crate) fn report(seed: u64) -> Report {
         triangles: 516_048,
         beams: "160 × 40 beams".into(),
         places: (0..20).map(|i| format!("town {}", i % 3 + 1)).collect(),
-        stages: vec![StageRecord {
+        stages: vec![Stage {
             name: "joint".into(),
+            place: Place::default(),
+            axes: Vec::new(),
             generations: GENERATIONS,
             population: 12,
             pairs: 10,
+            sigma: 0.0,
         }],
         axes,
         correlations: correlations(&mut rng, names.len()),

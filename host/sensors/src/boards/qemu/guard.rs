@@ -35,7 +35,8 @@ impl Guard {
         let name = format!("echoloop-{:016x}", RandomState::new().build_hasher().finish());
         let path = parent.join(name);
         let mut guard = Self { shell: watch(&path)?, folder: None };
-        make_private(&path)?; // fails for an existing folder, which must not be removed
+        // Fails for an existing folder, which must not be removed.
+        DirBuilder::new().mode(0o700).create(&path)?;
         guard.folder = Some(path);
         Ok(guard)
     }
@@ -65,10 +66,6 @@ impl Drop for Guard {
 /// Makes a folder and its missing parents, for this user alone.
 pub(super) fn make_private_with_parents(folder: &Path) -> io::Result<()> {
     DirBuilder::new().recursive(true).mode(0o700).create(folder)
-}
-
-fn make_private(folder: &Path) -> io::Result<()> {
-    DirBuilder::new().mode(0o700).create(folder)
 }
 
 /// Starts the shell. It holds only its end of the pipe: no folder and no terminal.

@@ -3,7 +3,7 @@
 use std::io;
 use std::time::Duration;
 
-use super::Transport;
+use echoloop_sensors::transport::Transport;
 
 /// Direction of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,11 +73,6 @@ impl<T> Recording<T> {
     /// Bytes so far.
     pub fn conversation(&self) -> &Conversation {
         &self.conversation
-    }
-
-    /// Transport inside.
-    pub fn inner_mut(&mut self) -> &mut T {
-        &mut self.inner
     }
 }
 
