@@ -12,7 +12,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use echoloop_benches::cpu::{CpuTime, on_one_thread};
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_sim::raycast::Raycaster;
-use echoloop_sim::scanner::{BeamOptics, Scanner, sub_rays};
+use echoloop_sim::scanner::{self, BeamOptics, sub_rays};
 use echoloop_sim::scene::{Mesh, Scene, SceneKind, generate};
 use echoloop_sim::viewpoint::{PairPlan, Split, sample_pairs};
 use nalgebra::Isometry3;
@@ -99,7 +99,7 @@ fn town(criterion: &mut Criterion<CpuTime>, kind: SceneKind, seed: u64) {
     group.bench_function("build", |b| b.iter(|| Raycaster::new(black_box(&scene))));
     group.throughput(Throughput::Elements(directions.len() as u64));
     group.bench_function("scan", |b| {
-        b.iter(|| Scanner::scan(&caster, &scene.materials, &pose, black_box(&directions), &optics));
+        b.iter(|| scanner::scan(&caster, &scene.materials, &pose, black_box(&directions), &optics));
     });
 }
 

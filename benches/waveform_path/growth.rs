@@ -35,7 +35,7 @@ pub(crate) fn print(quick: bool) -> Result<()> {
     let mut rows = Vec::new();
     for width_ps in [2_000, 4_000, 8_000, 16_000, 20_000] {
         let mut row = Row::new(String::new(), settings(2_400, width_ps), 1)?;
-        row.name = format!("{} taps", row.stage.pipeline().config().template().taps().len());
+        row.name = format!("{} taps", row.stage.pipeline().config().template.taps().len());
         rows.push(row);
     }
     table(rows, rounds);

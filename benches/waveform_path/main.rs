@@ -79,11 +79,11 @@ fn constants(stage: &mut Stage) -> Value {
         (0..BATCH as u32).map(|beam| returns(beam, 2).map(of).collect()).collect();
     json!({
         "waveforms": BATCH, "samples": SAMPLES, "ranges_m": ranges, "full_scale_code": 4095,
-        "taps": config.template().taps(),
-        "noise_gain": f64::from(config.template().noise_gain()) / 32_768.0,
-        "clip_code": config.clip_code(),
-        "floor": f64::from(config.floor()) / 32_768.0, "snr_threshold": 4.7,
-        "range_min_m": 1.0, "range_step_m": config.range_step() as f64 / 256.0 / 65_536.0 / 1e3,
+        "taps": config.template.taps(),
+        "noise_gain": f64::from(config.template.noise_gain) / 32_768.0,
+        "clip_code": config.clip_code,
+        "floor": f64::from(config.floor) / 32_768.0, "snr_threshold": 4.7,
+        "range_min_m": 1.0, "range_step_m": config.range_step as f64 / 256.0 / 65_536.0 / 1e3,
         "period_ns": analog.sample_period_ns, "delay_ns": analog.delay_ns,
         "width_ns": analog.pulse_width_ns,
         "echoes": echoes, "full_scale_ua": receiver.full_scale_ua,

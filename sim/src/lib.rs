@@ -2,7 +2,7 @@
 //!
 //! ```
 //! use echoloop_sim::raycast::Raycaster;
-//! use echoloop_sim::scanner::{BeamOptics, Scanner};
+//! use echoloop_sim::scanner::{self, BeamOptics};
 //! use echoloop_sim::scene::{MATERIALS, Mesh, Surface};
 //! use nalgebra::Isometry3;
 //!
@@ -14,14 +14,14 @@
 //! };
 //! let caster = Raycaster::from_mesh(&wall);
 //! let (pose, ahead) = (Isometry3::identity(), [[1.0, 0.0, 0.0]]);
-//! let response = Scanner::scan(&caster, MATERIALS, &pose, &ahead, &BeamOptics::default());
+//! let response = scanner::scan(&caster, MATERIALS, &pose, &ahead, &BeamOptics::default());
 //! assert!((response.of(0)[0].range_m - 10.0).abs() < 1e-3);
 //! ```
 //!
 //! 1. [`scene::generate`] generates a place, [`import::load_scene`] reads one: triangles with
 //!    materials.
 //! 2. [`viewpoint::sample_pairs`] finds pairs of poses in it that a surveyor could scan from.
-//! 3. [`scanner::Scanner::scan`] traces every beam from a pose. The returns depend on the place,
+//! 3. [`scanner::scan`] traces every beam from a pose. The returns depend on the place,
 //!    and not on the settings of the sensor.
 //! 4. [`picture::draw`] draws a picture of a scene.
 

@@ -39,51 +39,45 @@ impl Default for BeamOptics {
     }
 }
 
-/// Casts beams into a scene.
-#[derive(Clone, Copy, Debug)]
-pub struct Scanner;
+/// Traces every beam of a scan from one pose.
+///
+/// `directions` are unit vectors in the sensor's frame (x forward, y left, z up). The result
+/// depends on the arguments only, not on the number of threads.
+#[must_use]
+pub fn scan(
+    caster: &Raycaster,
+    materials: &[Material],
+    world_from_sensor: &Isometry3<f64>,
+    directions: &[[f32; 3]],
+    optics: &BeamOptics,
+) -> SceneResponse {
+    scan_moving(caster, materials, |_| *world_from_sensor, directions, optics)
+}
 
-impl Scanner {
-    /// Traces every beam of a scan from one pose.
-    ///
-    /// `directions` are unit vectors in the sensor's frame (x forward, y left, z up). The result
-    /// depends on the arguments only, not on the number of threads.
-    #[must_use]
-    pub fn scan(
-        caster: &Raycaster,
-        materials: &[Material],
-        world_from_sensor: &Isometry3<f64>,
-        directions: &[[f32; 3]],
-        optics: &BeamOptics,
-    ) -> SceneResponse {
-        Self::scan_moving(caster, materials, |_| *world_from_sensor, directions, optics)
-    }
-
-    /// As [`Scanner::scan`], from a pose for each beam by its index: a sensor that moves while it
-    /// scans.
-    #[must_use]
-    pub fn scan_moving(
-        caster: &Raycaster,
-        materials: &[Material],
-        world_from_sensor: impl Fn(usize) -> Isometry3<f64> + Sync,
-        directions: &[[f32; 3]],
-        optics: &BeamOptics,
-    ) -> SceneResponse {
-        let grid = footprint(optics);
-        let beam = |(index, direction): (usize, &[f32; 3])| {
-            let world_from_sensor = world_from_sensor(index);
-            let origin = world_from_sensor.translation.vector.cast::<f32>().into();
-            let rays = spread(direction, &grid, &world_from_sensor);
-            let hits = caster.cast_beam(origin, &rays);
-            let mut echoes: Vec<(f64, f64)> = hits
-                .iter()
-                .zip(&grid)
-                .filter_map(|(hit, (_, weight))| echo(hit.as_ref()?, materials, *weight))
-                .collect();
-            cluster(&mut echoes)
-        };
-        collect(directions.par_iter().enumerate().map(beam).collect())
-    }
+/// As [`scan`], from a pose for each beam by its index: a sensor that moves while it
+/// scans.
+#[must_use]
+pub fn scan_moving(
+    caster: &Raycaster,
+    materials: &[Material],
+    world_from_sensor: impl Fn(usize) -> Isometry3<f64> + Sync,
+    directions: &[[f32; 3]],
+    optics: &BeamOptics,
+) -> SceneResponse {
+    let grid = footprint(optics);
+    let beam = |(index, direction): (usize, &[f32; 3])| {
+        let world_from_sensor = world_from_sensor(index);
+        let origin = world_from_sensor.translation.vector.cast::<f32>().into();
+        let rays = spread(direction, &grid, &world_from_sensor);
+        let hits = caster.cast_beam(origin, &rays);
+        let mut echoes: Vec<(f64, f64)> = hits
+            .iter()
+            .zip(&grid)
+            .filter_map(|(hit, (_, weight))| echo(hit.as_ref()?, materials, *weight))
+            .collect();
+        cluster(&mut echoes)
+    };
+    collect(directions.par_iter().enumerate().map(beam).collect())
 }
 
 /// Sub-ray: its offsets along azimuth and elevation, radians, and its share of the power.
@@ -235,7 +229,7 @@ mod tests {
     }
 
     fn look(caster: &Raycaster, optics: &BeamOptics) -> SceneResponse {
-        Scanner::scan(caster, &[WALL], &Isometry3::identity(), &[[1.0, 0.0, 0.0]], optics)
+        scan(caster, &[WALL], &Isometry3::identity(), &[[1.0, 0.0, 0.0]], optics)
     }
 
     #[test]
@@ -350,9 +344,9 @@ mod tests {
         let caster = walls(&[(20.0, 40.0, 0.0)]);
         let pose = |beam: usize| Isometry3::translation(0.5 * beam as f64, 0.0, 0.0);
         let optics = BeamOptics::default();
-        let response = Scanner::scan_moving(&caster, &[WALL], pose, &[[1.0, 0.0, 0.0]; 9], &optics);
+        let response = scan_moving(&caster, &[WALL], pose, &[[1.0, 0.0, 0.0]; 9], &optics);
         for beam in 0..9 {
-            let alone = Scanner::scan(&caster, &[WALL], &pose(beam), &[[1.0, 0.0, 0.0]], &optics);
+            let alone = scan(&caster, &[WALL], &pose(beam), &[[1.0, 0.0, 0.0]], &optics);
             assert_eq!(response.of(beam), alone.of(0));
             assert!((response.of(beam)[0].range_m - (20.0 - 0.5 * beam as f32)).abs() < 1e-3);
         }
@@ -369,11 +363,10 @@ mod tests {
             [libm::cos(turn) as f32, libm::sin(turn) as f32, 0.0]
         };
         let directions: Vec<[f32; 3]> = (0..600).map(beam).collect();
-        let scan =
-            || Scanner::scan(&caster, &scene.materials, &pose, &directions, &BeamOptics::default());
+        let traced = || scan(&caster, &scene.materials, &pose, &directions, &BeamOptics::default());
         let single =
-            rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool").install(scan);
-        assert_eq!(single, scan());
+            rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool").install(traced);
+        assert_eq!(single, traced());
         assert_eq!(single.len(), 600);
         for beam in 0..600 {
             assert!(single.of(beam).is_sorted_by(|a, b| a.range_m < b.range_m));

@@ -14,7 +14,7 @@ mod split;
 
 use ground::GroundMap;
 pub use overlap::Sight;
-pub use single_viewpoint::{Footing, Standpoint, stand_alone, stands_aloft};
+pub use single_viewpoint::{Footing, Standpoint, find_standpoint, stands_off_ground};
 pub use split::Split;
 use split::Territory;
 
@@ -178,8 +178,11 @@ pub fn sample_pairs_between<T>(
     let mut search = PairSearch { later, ..search };
     let (mut pairs, mut attempts) = (Vec::new(), 0);
     while pairs.len() < plan.count && attempts < plan.max_attempts(pairs.len()) {
-        let found = search.try_candidate(pairs.len());
-        pairs.extend(found.and_then(|pair| search.count_unwanted(accept(pair))));
+        if let Some(pair) = search.try_candidate(pairs.len()) {
+            let accepted = accept(pair);
+            search.rejected.unwanted += usize::from(accepted.is_none());
+            pairs.extend(accepted);
+        }
         attempts += 1;
         progress(pairs.len(), attempts);
     }
@@ -244,14 +247,8 @@ struct Candidate {
     tilts: [[f64; 2]; 2],
 }
 
-/// Reason for the rejection of a candidate; see [`Rejections`].
-enum Rejection {
-    Territory,
-    Footing,
-    Clearance,
-    Sight,
-    Structure,
-}
+/// Counter of the reason for which a candidate is rejected.
+type Rejection = fn(&mut Rejections) -> &mut usize;
 
 /// State of the search for pairs.
 struct PairSearch<'a> {
@@ -287,22 +284,7 @@ impl<'a> PairSearch<'a> {
     fn try_candidate(&mut self, found: usize) -> Option<PosePair> {
         let candidate = self.draw(found);
         let verdict = self.verify(&candidate);
-        let rejected = &mut self.rejected;
-        match verdict {
-            Ok(pair) => return Some(pair),
-            Err(Rejection::Territory) => rejected.territory += 1,
-            Err(Rejection::Footing) => rejected.footing += 1,
-            Err(Rejection::Clearance) => rejected.clearance += 1,
-            Err(Rejection::Sight) => rejected.sight += 1,
-            Err(Rejection::Structure) => rejected.structure += 1,
-        }
-        None
-    }
-
-    /// Counts a pair that the caller turned down.
-    fn count_unwanted<T>(&mut self, made: Option<T>) -> Option<T> {
-        self.rejected.unwanted += usize::from(made.is_none());
-        made
+        verdict.map_err(|reason| *reason(&mut self.rejected) += 1).ok()
     }
 
     /// Draws a candidate, with `found` pairs so far.
@@ -346,19 +328,20 @@ impl<'a> PairSearch<'a> {
 
     /// Checks a candidate, cheap tests first.
     fn verify(&self, candidate: &Candidate) -> Result<PosePair, Rejection> {
-        let require = |holds: bool, reason| if holds { Ok(()) } else { Err(reason) };
-        require(candidate.places.iter().all(|p| self.territory.owns(*p)), Rejection::Territory)?;
+        let require = |holds: bool, reason: Rejection| if holds { Ok(()) } else { Err(reason) };
+        require(candidate.places.iter().all(|p| self.territory.owns(*p)), |r| &mut r.territory)?;
         let stand = |[x, y]: [f64; 2]| {
-            let z = self.ground.footing(self.caster, [x, y]).ok_or(Rejection::Footing)?;
+            let no_footing: Rejection = |r| &mut r.footing;
+            let z = self.ground.footing(self.caster, [x, y]).ok_or(no_footing)?;
             Ok([x, y, z + self.plan.height_m])
         };
         let eyes = [stand(candidate.places[0])?, stand(candidate.places[1])?];
         let seen = eyes.map(|eye| eye.map(|x| x as f32));
         let is_clear = self.is_clear(self.caster, seen[0]) && self.is_clear(self.later, seen[1]);
-        require(is_clear, Rejection::Clearance)?;
-        require(self.are_in_sight(seen[0], seen[1]), Rejection::Sight)?;
+        require(is_clear, |r| &mut r.clearance)?;
+        require(self.are_in_sight(seen[0], seen[1]), |r| &mut r.sight)?;
         let enough = |k: usize| self.structure(seen[k], candidate.headings[k]) >= STRUCTURE_SHARE;
-        require(enough(0) && enough(1), Rejection::Structure)?;
+        require(enough(0) && enough(1), |r| &mut r.structure)?;
         let [first, second] =
             [0, 1].map(|k| pose(eyes[k], candidate.headings[k], candidate.tilts[k]));
         Ok(PosePair { world_from_first: first, world_from_second: second })

@@ -123,13 +123,13 @@ pub fn mesh_ply(bytes: &[u8]) -> bool {
 /// A road network.
 pub fn roads(bytes: &[u8]) -> bool {
     let Some(network) = checked(parse_network(Path::new("any.xodr"), bytes)) else { return false };
-    assert!(!network.lanes().is_empty());
-    for lane in network.lanes() {
+    assert!(!network.lanes.is_empty());
+    for lane in &network.lanes {
         assert!(
             lane.ribs.len() > 1
                 && lane.ribs.as_flattened().as_flattened().iter().all(|x| x.is_finite())
         );
-        assert!(lane.successors.iter().all(|next| *next < network.lanes().len()));
+        assert!(lane.successors.iter().all(|next| *next < network.lanes.len()));
     }
     let finite = |at: &Waypoint| at.at.iter().all(|x| x.is_finite()) && at.heading_rad.is_finite();
     assert!(network.waypoints(100.0).iter().all(finite));

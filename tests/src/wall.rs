@@ -86,7 +86,7 @@ impl Sensor {
         beam: u32,
     ) -> Option<(Echo, f64)> {
         let wall = wall(albedo, range_m);
-        let period_fs = self.pipeline.config().sample_period_fs();
+        let period_fs = self.pipeline.config().sample_period_fs;
         let delay_ns = self.analog.delay_ns;
         for shot in 0..self.settings.shots as u32 {
             let later_ns = f64::from(self.settings.offset_fs(shot, period_fs)) / 1e6;
@@ -95,7 +95,7 @@ impl Sensor {
             self.scratch.shots().add(shot, &self.codes);
         }
         self.analog.delay_ns = delay_ns;
-        self.scratch.shots().read(self.pipeline.config().sum_shift(), &mut self.codes);
+        self.scratch.shots().read(self.pipeline.config().sum_shift, &mut self.codes);
         self.first(wall)
     }
 

@@ -78,9 +78,9 @@ fn case(seed: u64, hardware: &Hardware) -> (Settings, Vec<Vec<u16>>) {
 fn summed(pipeline: &Pipeline, wave: &[u16]) -> Vec<u16> {
     let config = pipeline.config();
     let mut shots = Accumulator::new();
-    (0..config.shots()).for_each(|shot| shots.add(shot, wave));
+    (0..config.shots).for_each(|shot| shots.add(shot, wave));
     let mut codes = vec![0; wave.len()];
-    shots.read(config.sum_shift(), &mut codes);
+    shots.read(config.sum_shift, &mut codes);
     codes
 }
 

@@ -33,61 +33,70 @@ use crate::stages::timing::Timing;
 /// U is the unit echo. Values computed in `f32` are within 3 × 10⁻⁶. The reflectivity scale is ρ in
 /// Q6.10 per Q1.15 of amplitude and mm² of range, with 64 more fraction bits.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct DetectorConfig {
-    pub(crate) samples: usize,
-    pub(crate) pre_trigger: usize,
-    pub(crate) shots: u32,
+    /// Number of samples of a waveform.
+    pub samples: usize,
+    /// Number of samples before the trigger.
+    pub pre_trigger: usize,
+    /// Number of shots that are added up for one waveform.
+    pub shots: u32,
     /// Right shift of the sum of shots.
-    pub(crate) sum_shift: u32,
+    pub sum_shift: u32,
     /// Left shift that brings a code to Q1.15 after the shots are added up.
-    pub(crate) code_shift: u32,
+    pub code_shift: u32,
     /// Left shift that brings a code of a single shot to Q1.15.
-    pub(crate) shot_code_shift: u32,
+    pub shot_code_shift: u32,
     /// Lowest saturated code.
-    pub(crate) clip_code: u16,
-    pub(crate) template: Template,
+    pub clip_code: u16,
+    /// Taps and gains of the denoise filter.
+    pub template: Template,
     /// Level without light, Q1.15.
-    pub(crate) black: i32,
+    pub black: i32,
     /// Constants for reading dithered shots; `None` where shots are not dithered.
-    pub(crate) dithered: Option<DitheredConfig>,
+    pub dithered: Option<DitheredConfig>,
     /// The emitted pulse.
-    pub(crate) pulse: Pulse,
+    pub pulse: Pulse,
     /// K, the number of samples on either side of a pulse's middle that lie strictly inside it.
-    pub(crate) reach: usize,
+    pub reach: usize,
     /// Chosen ambient estimator.
-    pub(crate) ambient: AmbientEstimator,
+    pub ambient: AmbientEstimator,
     /// Chosen timing method.
-    pub(crate) method: TimingMethod,
-    pub(crate) timing: Timing,
+    pub method: TimingMethod,
+    /// Constants of the timing stage.
+    pub timing: Timing,
     /// Filter that finds echoes hidden in others; `None` where a single echo is asked for.
-    pub(crate) sharpener: Option<Sharpener>,
+    pub sharpener: Option<Sharpener>,
     /// κ, Q0.32.
-    pub(crate) shot_noise: u32,
+    pub shot_noise: u32,
     /// Reflectivity per Q1.15 of amplitude and mm² of range: Q6.10, 64 more fraction bits.
-    pub(crate) reflectivity_scale: u64,
+    pub reflectivity_scale: u64,
     /// N on the filter's output, Q1.15.
-    pub(crate) floor: i32,
+    pub floor: i32,
     /// k, Q8.8.
-    pub(crate) snr_threshold: u32,
-    pub(crate) upsampling_log2: u32,
+    pub snr_threshold: u32,
+    /// log₂ of the upsampling ratio.
+    pub upsampling_log2: u32,
     /// Smallest distance between two candidates, samples.
-    pub(crate) min_separation: u32,
-    pub(crate) echoes: usize,
-    pub(crate) echo_choice: EchoChoice,
+    pub min_separation: u32,
+    /// Most echoes that are reported.
+    pub echoes: usize,
+    /// Rule for which echoes are kept.
+    pub echo_choice: EchoChoice,
     /// Sample period.
-    pub(crate) sample_period_fs: u32,
+    pub sample_period_fs: u32,
     /// Range of sample 0, 1/256 mm.
-    pub(crate) range_origin: i64,
+    pub range_origin: i64,
     /// Range per sample, 1/256 mm with 16 more fraction bits.
-    pub(crate) range_step: i64,
+    pub range_step: i64,
     /// Range of sample 0 in samples, Q16.16.
-    pub(crate) origin_samples: i64,
+    pub origin_samples: i64,
     /// Near gain; `None` where the gain is full everywhere.
-    pub(crate) ramp: Option<Ramp>,
+    pub ramp: Option<Ramp>,
     /// Range from which the receiver sees the whole beam, mm.
-    pub(crate) overlap_mm: u32,
+    pub overlap_mm: u32,
     /// Distance from sample 0 to where the receiver begins to see the beam, Q16.16 samples.
-    pub(crate) blind: i64,
+    pub blind: i64,
 }
 
 impl DetectorConfig {
@@ -150,105 +159,15 @@ impl DetectorConfig {
         })
     }
 
-    /// Number of samples of a waveform.
-    pub fn samples(&self) -> usize {
-        self.samples
-    }
-
     /// Number of samples of a shot: those before the trigger and the waveform's.
     pub fn codes(&self) -> usize {
         self.pre_trigger.saturating_add(self.samples)
-    }
-
-    /// Number of shots that are added up for one waveform.
-    pub fn shots(&self) -> u32 {
-        self.shots
-    }
-
-    /// Right shift of the sum of shots.
-    pub fn sum_shift(&self) -> u32 {
-        self.sum_shift
-    }
-
-    /// Left shift that brings a code to Q1.15 after the shots are added up.
-    pub fn code_shift(&self) -> u32 {
-        self.code_shift
-    }
-
-    /// Time between samples, femtoseconds.
-    pub fn sample_period_fs(&self) -> u32 {
-        self.sample_period_fs
-    }
-
-    /// Taps and gains of the denoise filter.
-    pub fn template(&self) -> &Template {
-        &self.template
-    }
-
-    /// Lowest saturated code.
-    pub fn clip_code(&self) -> u16 {
-        self.clip_code
-    }
-
-    /// Level without light, Q1.15.
-    pub fn black(&self) -> i32 {
-        self.black
-    }
-
-    /// Noise-floor threshold on the filter's output, Q1.15.
-    pub fn floor(&self) -> i32 {
-        self.floor
-    }
-
-    /// Smallest distance between two candidates, samples.
-    pub fn min_separation(&self) -> u32 {
-        self.min_separation
-    }
-
-    /// Rule for which echoes are kept.
-    pub fn echo_choice(&self) -> EchoChoice {
-        self.echo_choice
-    }
-
-    /// Constants of the timing stage.
-    pub fn timing(&self) -> &Timing {
-        &self.timing
-    }
-
-    /// Filter that finds echoes hidden in others; `None` where a single echo is asked for.
-    pub fn sharpener(&self) -> Option<&Sharpener> {
-        self.sharpener.as_ref()
-    }
-
-    /// κ, Q0.32: see [`Noise`](crate::stages::noise::Noise).
-    pub fn shot_noise(&self) -> u32 {
-        self.shot_noise
-    }
-
-    /// Reflectivity per Q1.15 of amplitude and mm² of range: Q6.10, 64 more fraction bits.
-    pub fn reflectivity_scale(&self) -> u64 {
-        self.reflectivity_scale
-    }
-
-    /// Range per sample, 1/256 mm with 16 more fraction bits.
-    pub fn range_step(&self) -> i64 {
-        self.range_step
-    }
-
-    /// Range of sample 0 in samples, Q16.16.
-    pub fn origin_samples(&self) -> i64 {
-        self.origin_samples
     }
 
     /// Height at full gain of a height seen at sample `n`: divided by the near gain there, Q1.15,
     /// rounded down, saturating.
     pub(crate) fn at_full_gain(&self, height: u32, n: usize) -> u32 {
         self.ramp.as_ref().map_or(height, |ramp| ramp.at_full_gain(height, n))
-    }
-
-    /// Near gain; `None` where the gain is full everywhere.
-    pub fn ramp(&self) -> Option<&Ramp> {
-        self.ramp.as_ref()
     }
 }
 
@@ -316,8 +235,7 @@ fn reflectivity_scale(settings: &Settings, hardware: &Hardware) -> u64 {
     reason = "N is checked: below 10⁶ ppm of a gain below 2¹⁵"
 )]
 fn scaled_floor(settings: &Settings, template: &Template) -> i32 {
-    ((settings.noise_floor_ppm as u64 * u64::from(template.peak_gain()) + 500_000) / 1_000_000)
-        as i32
+    ((settings.noise_floor_ppm as u64 * u64::from(template.peak_gain) + 500_000) / 1_000_000) as i32
 }
 
 /// Range per sample, c/2 times the period: fs × m/s = 10⁻¹² mm, times 256 × 2¹⁶ / 2.
@@ -370,7 +288,7 @@ mod tests {
                 ..Settings::default()
             };
             let config = DetectorConfig::new(&settings, &Hardware::REFERENCE).unwrap();
-            let span_mm = (config.range_step() * i64::from(bins)) as f64 / 256.0 / 65536.0;
+            let span_mm = (config.range_step * i64::from(bins)) as f64 / 256.0 / 65536.0;
             assert!((span_mm - 119_000.0).abs() < 1.0, "{bins} bins span {span_mm} mm");
         }
     }
@@ -379,6 +297,6 @@ mod tests {
     fn the_default_separation_is_what_a_matched_filter_can_split() {
         let config = DetectorConfig::new(&Settings::default(), &Hardware::REFERENCE).unwrap();
         let expected: f64 = 1.14 * 0.299_792_458 * 5.0 / 2.0 / 0.14875;
-        assert_eq!(f64::from(config.min_separation()), expected.floor());
+        assert_eq!(f64::from(config.min_separation), expected.floor());
     }
 }

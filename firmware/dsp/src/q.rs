@@ -35,11 +35,6 @@ pub const fn divide_round(numerator: i64, denominator: i64) -> i64 {
     }
 }
 
-/// `floor(√value)`.
-pub const fn sqrt_floor(value: u64) -> u64 {
-    value.isqrt()
-}
-
 /// Saturates to `u16`.
 #[inline(always)]
 pub const fn saturate_u16(value: i64) -> u16 {

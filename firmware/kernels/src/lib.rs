@@ -33,37 +33,18 @@ use echoloop_dsp::loops::Portable;
 use echoloop_dsp::{Echoes, Pipeline, Scratch};
 
 #[cfg(dual_multiply)]
-pub use dual_multiply::{DualMultiply, count};
+pub use dual_multiply::{DualMultiply as Fastest, count};
+#[cfg(not(any(dual_multiply, mve)))]
+pub use echoloop_dsp::loops::Scalar as Fastest;
 #[cfg(not(dual_multiply))]
 pub use echoloop_dsp::statistics::count;
 #[cfg(mve)]
-pub use mve::Mve;
+pub use mve::Mve as Fastest;
 #[cfg(target_arch = "x86_64")]
 pub use x86::{process, process_compiled};
 
 /// Fastest loops of this microcontroller.
-#[cfg(mve)]
-pub type Fastest = Mve;
-
-/// Fastest loops of this microcontroller.
-#[cfg(dual_multiply)]
-pub type Fastest = DualMultiply;
-
-/// Fastest loops of this microcontroller.
-#[cfg(not(any(dual_multiply, mve)))]
-pub type Fastest = echoloop_dsp::loops::Scalar;
-
-/// Fastest loops of this microcontroller.
-#[cfg(mve)]
-pub const FASTEST: Fastest = Mve;
-
-/// Fastest loops of this microcontroller.
-#[cfg(dual_multiply)]
-pub const FASTEST: Fastest = DualMultiply;
-
-/// Fastest loops of this microcontroller.
-#[cfg(not(any(dual_multiply, mve)))]
-pub const FASTEST: Fastest = echoloop_dsp::loops::Scalar;
+pub const FASTEST: Fastest = Fastest;
 
 /// Name of [`FASTEST`] in benches/record/cost.md; `None` where it is plain Rust.
 pub const OWN_INSTRUCTIONS: Option<&str> = if cfg!(mve) {

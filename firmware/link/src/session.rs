@@ -434,6 +434,20 @@ mod tests {
         }
     }
 
+    fn commit(
+        session: &mut Session,
+        hash: u32,
+        base_generation: u32,
+        confirm_within: u16,
+    ) -> Report {
+        report(session, Command::Commit { hash, base_generation, confirm_within })
+    }
+
+    /// Asks for 20 beams.
+    fn read(session: &mut Session, frame: u32, first: u32) {
+        session.handle(Command::ReadBeams { frame, first, count: 20 });
+    }
+
     #[test]
     fn nothing_is_answered_before_a_matching_hello() {
         let mut session = Session::new(Hardware::REFERENCE, PATTERN, "test", Settings::default());
@@ -451,10 +465,7 @@ mod tests {
         let mut session = opened();
         let hash = stage(&mut session, 100);
         for _ in 0..2 {
-            let answer = report(
-                &mut session,
-                Command::Commit { hash, base_generation: 0, confirm_within: 0 },
-            );
+            let answer = commit(&mut session, hash, 0, 0);
             assert_eq!(answer, Report::Committed { generation: 1, hash });
         }
         assert_eq!(session.settings().gain_cdb, 100);
@@ -464,13 +475,9 @@ mod tests {
     fn a_commit_on_another_generation_changes_nothing() {
         let mut session = opened();
         let hash = stage(&mut session, 100);
-        let answer =
-            report(&mut session, Command::Commit { hash, base_generation: 7, confirm_within: 0 });
+        let answer = commit(&mut session, hash, 7, 0);
         assert_eq!(answer, Report::Nack(Nack::WrongGeneration { generation: 0 }));
-        let answer = report(
-            &mut session,
-            Command::Commit { hash: hash ^ 1, base_generation: 0, confirm_within: 0 },
-        );
+        let answer = commit(&mut session, hash ^ 1, 0, 0);
         assert_eq!(answer, Report::Nack(Nack::NotStaged { staged: hash }));
         assert_eq!(*session.settings(), Settings::default());
     }
@@ -485,46 +492,40 @@ mod tests {
         );
         assert!(matches!(refused, Report::Refused(_)));
         assert_eq!(*session.settings(), Settings::default());
-        let answer =
-            report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
+        let answer = commit(&mut session, hash, 0, 0);
         assert_eq!(answer, Report::Committed { generation: 1, hash });
     }
 
     #[test]
     fn settings_change_only_between_frames() {
         let mut session = opened();
-        let read = |session: &mut Session, frame, first| {
-            session.handle(Command::ReadBeams { frame, first, count: 20 });
-            session.version().0
-        };
-        assert_eq!(read(&mut session, 1, 0), 0);
+        read(&mut session, 1, 0);
+        assert_eq!(session.version().0, 0);
         let hash = stage(&mut session, 100);
-        report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
+        commit(&mut session, hash, 0, 0);
         for first in [20, 40, 60, 80, 80] {
-            assert_eq!(
-                read(&mut session, 1, first),
-                0,
-                "in the frame, its last beams asked again too"
-            );
+            read(&mut session, 1, first);
+            assert_eq!(session.version().0, 0, "in the frame, its last beams asked again too");
         }
-        assert_eq!(read(&mut session, 2, 0), 1, "in the next");
+        read(&mut session, 2, 0);
+        assert_eq!(session.version().0, 1, "in the next");
     }
 
     #[test]
     fn a_finished_frame_does_not_hold_a_commit_up() {
         let mut session = opened();
-        session.handle(Command::ReadBeams { frame: 1, first: 80, count: 20 });
+        read(&mut session, 1, 80);
         let hash = stage(&mut session, 100);
-        report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
+        commit(&mut session, hash, 0, 0);
         assert_eq!(session.version(), (1, hash));
     }
 
     #[test]
     fn a_hello_ends_the_frame_that_another_session_left_open() {
         let mut session = opened();
-        session.handle(Command::ReadBeams { frame: 1, first: 0, count: 20 });
+        read(&mut session, 1, 0);
         let hash = stage(&mut session, 100);
-        report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
+        commit(&mut session, hash, 0, 0);
         assert_eq!(session.version().0, 0, "the frame is open");
         report(&mut session, Command::Hello(Greeting::OURS));
         assert_eq!(session.version(), (1, hash));
@@ -543,8 +544,7 @@ mod tests {
     fn on_trial(confirm_within: u16) -> (Session, u32) {
         let mut session = opened();
         let hash = stage(&mut session, 100);
-        let answer =
-            report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within });
+        let answer = commit(&mut session, hash, 0, confirm_within);
         assert_eq!(answer, Report::Committed { generation: 1, hash });
         (session, hash)
     }
@@ -552,7 +552,7 @@ mod tests {
     /// Reads a whole frame; every beam has that many echoes.
     fn scan(session: &mut Session, number: u32, echoes: usize) {
         for first in (0..100).step_by(20) {
-            session.handle(Command::ReadBeams { frame: number, first, count: 20 });
+            read(session, number, first);
             let beam: Echoes = (0..echoes).map(|_| echoloop_dsp::Echo::default()).collect();
             session.measured(first, &core::array::from_fn::<_, 20, _>(|_| beam.clone()));
         }
@@ -614,7 +614,7 @@ mod tests {
     fn half_a_frame_without_an_echo_proves_nothing() {
         let (mut session, _) = on_trial(100);
         for number in 1..9 {
-            session.handle(Command::ReadBeams { frame: number, first: 80, count: 20 });
+            read(&mut session, number, 80);
             session.measured(80, &core::array::from_fn::<_, 20, _>(|_| Echoes::new()));
         }
         assert_eq!(gain(&session), (1, 100));
@@ -638,7 +638,7 @@ mod tests {
     fn a_trial_after_a_trial_rolls_back_to_the_settings_before_both() {
         let (mut session, _) = on_trial(100);
         let hash = stage(&mut session, 200);
-        report(&mut session, Command::Commit { hash, base_generation: 1, confirm_within: 1 });
+        commit(&mut session, hash, 1, 1);
         assert_eq!(gain(&session), (2, 200));
         scan(&mut session, 1, 1);
         report(&mut session, Command::ReadCounters);
@@ -648,9 +648,9 @@ mod tests {
     #[test]
     fn a_commit_in_a_trial_s_last_frame_takes_its_place() {
         let (mut session, _) = on_trial(1);
-        session.handle(Command::ReadBeams { frame: 1, first: 0, count: 20 });
+        read(&mut session, 1, 0);
         let hash = stage(&mut session, 200);
-        report(&mut session, Command::Commit { hash, base_generation: 1, confirm_within: 0 });
+        commit(&mut session, hash, 1, 0);
         report(&mut session, Command::Hello(Greeting::OURS));
         assert_eq!(gain(&session), (2, 200));
         assert_eq!(session.counters.rollbacks, 0);
@@ -659,10 +659,10 @@ mod tests {
     #[test]
     fn settings_that_wait_for_a_frame_to_end_cannot_be_confirmed_yet() {
         let mut session = opened();
-        session.handle(Command::ReadBeams { frame: 1, first: 80, count: 20 });
-        session.handle(Command::ReadBeams { frame: 1, first: 0, count: 20 });
+        read(&mut session, 1, 80);
+        read(&mut session, 1, 0);
         let hash = stage(&mut session, 100);
-        report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 1 });
+        commit(&mut session, hash, 0, 1);
         let answer = report(&mut session, Command::Confirm { generation: 1 });
         assert_eq!(answer, Report::Nack(Nack::WrongGeneration { generation: 0 }));
         scan(&mut session, 2, 1);
@@ -673,11 +673,9 @@ mod tests {
     fn a_trial_sent_twice_is_one_trial_and_no_other_commit() {
         let (mut session, hash) = on_trial(2);
         scan(&mut session, 1, 1);
-        let again =
-            report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 2 });
+        let again = commit(&mut session, hash, 0, 2);
         assert_eq!(again, Report::Committed { generation: 1, hash });
-        let plain =
-            report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
+        let plain = commit(&mut session, hash, 0, 0);
         assert_eq!(
             plain,
             Report::Nack(Nack::WrongGeneration { generation: 1 }),

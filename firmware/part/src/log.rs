@@ -1,6 +1,6 @@
 //! Log messages (defmt) to the debugger, by RTT, and to a serial port, for use without a debugger.
 //!
-//! An image makes a [`Log`] its `#[defmt::global_logger]`, and [`number`] its timestamp.
+//! An image calls [`logger!`](crate::logger) with its [`Log`].
 
 use core::cell::UnsafeCell;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -104,4 +104,35 @@ pub fn number() -> u32 {
     // There is one core and no interrupt logs, so nothing comes in between.
     MESSAGES.store(number.wrapping_add(1), Ordering::Relaxed);
     number
+}
+
+/// Makes a [`Log`] the image's logger, with [`number`] as timestamp.
+#[macro_export]
+macro_rules! logger {
+    ($log:ident) => {
+        defmt::timestamp!("{=u32}", $crate::log::number());
+
+        #[defmt::global_logger]
+        struct Logger;
+
+        // SAFETY: each call goes to the log, which is consistent between `acquire` and `release`.
+        unsafe impl defmt::Logger for Logger {
+            fn acquire() {
+                // SAFETY: defmt is the caller.
+                unsafe { $log.acquire() };
+            }
+
+            unsafe fn flush() {}
+
+            unsafe fn release() {
+                // SAFETY: defmt is the caller.
+                unsafe { $log.release() };
+            }
+
+            unsafe fn write(bytes: &[u8]) {
+                // SAFETY: defmt is the caller.
+                unsafe { $log.write(bytes) };
+            }
+        }
+    };
 }

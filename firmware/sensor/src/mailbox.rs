@@ -10,7 +10,7 @@
 //! | 0x004 | doorbell: shots fired so far, wrapping | sensor |
 //! | 0x008 | shots whose samples are in the buffer | world |
 //! | 0x00C | run: command of the world to a measuring image | world |
-//! | 0x040 | straps: [`Hardware`], [`ScanPattern`]: 13 words | world, before the sensor starts |
+//! | 0x040 | straps: [`Hardware`], [`ScanPattern`], postcard | world, before the sensor starts |
 //! | 0x080 | laser driver, sixteen registers | sensor; register 0 by the world |
 //! | 0x0C0 | amplifier and converter, sixteen registers | sensor; register 0 by the world |
 //! | 0x1000 | DMA buffer: codes, u16 | world |
@@ -19,7 +19,7 @@
 //! For a shot the sensor writes the registers, then the doorbell; the world fills the buffer, then
 //! answers with the doorbell's number. Each side writes its own words only, so no lock is needed.
 
-use echoloop_dsp::{Hardware, ScanPattern, scan_pattern};
+use echoloop_dsp::{Hardware, ScanPattern};
 use embedded_hal::spi::{ErrorKind, Operation};
 
 use crate::afe::WRITE;
@@ -51,49 +51,23 @@ pub const FLASH_BLOCK: usize = 4096;
 /// Size of the mailbox in bytes.
 pub const BYTES: usize = 0x8000;
 
-/// Number of words of the straps: those of the hardware, then those of the pattern.
-pub const STRAP_WORDS: usize = 6 + scan_pattern::WORDS;
+/// Number of words of the straps: room for the longest hardware and pattern, and zeros.
+pub const STRAP_WORDS: usize = (EMITTER - STRAPS) / 4;
 
 /// Straps, which the board's maker sets once: the words at [`STRAPS`].
 pub fn straps(hardware: &Hardware, pattern: &ScanPattern) -> [u32; STRAP_WORDS] {
-    let [kind, a, b, c, d, e, f] = pattern.to_words();
-    [
-        hardware.adc_bits,
-        hardware.range_min_mm,
-        hardware.range_max_mm,
-        hardware.energy_limit_pj,
-        hardware.unit_echo_milli,
-        hardware.shot_noise_ppm,
-        kind,
-        a,
-        b,
-        c,
-        d,
-        e,
-        f,
-    ]
+    let mut words = [[0; 4]; STRAP_WORDS];
+    // They fit: a number takes at most five bytes, and a test writes the longest.
+    let _ = postcard::to_slice(&(hardware, pattern), words.as_flattened_mut());
+    words.map(u32::from_le_bytes)
 }
 
 /// Reads the straps; `None` when they describe no possible sensor.
 pub fn read_straps(words: [u32; STRAP_WORDS]) -> Option<(Hardware, ScanPattern)> {
-    let [
-        adc_bits,
-        range_min_mm,
-        range_max_mm,
-        energy_limit_pj,
-        unit_echo_milli,
-        shot_noise_ppm,
-        pattern @ ..,
-    ] = words;
-    let hardware = Hardware {
-        adc_bits,
-        range_min_mm,
-        range_max_mm,
-        energy_limit_pj,
-        unit_echo_milli,
-        shot_noise_ppm,
-    };
-    let pattern = ScanPattern::from_words(pattern)?;
+    let bytes = words.map(u32::to_le_bytes);
+    let ((hardware, pattern), _): ((Hardware, ScanPattern), _) =
+        postcard::take_from_bytes(bytes.as_flattened()).ok()?;
+    let Hardware { adc_bits, range_min_mm, range_max_mm, .. } = hardware;
     let works =
         (8..=14).contains(&adc_bits) && range_min_mm < range_max_mm && range_max_mm < 1_000_000;
     works.then_some((hardware, pattern))
@@ -142,37 +116,46 @@ pub fn serve(
 
 #[cfg(test)]
 mod tests {
-    use echoloop_dsp::{BeamTable, Grid, Rosette, Spinning, SpinningModel};
+    use echoloop_dsp::{Spinning, SpinningModel};
 
     use super::*;
 
     #[test]
     fn straps_come_back_as_they_were_set() {
-        let grid = Grid { columns: 7, rows: 5, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
         let spinning =
             SpinningModel::ALL.map(|model| ScanPattern::Spinning(Spinning { model, columns: 9 }));
-        let others = [
-            ScanPattern::Grid(grid),
-            ScanPattern::Raster(grid),
-            ScanPattern::Rosette(Rosette::MID_40),
-            ScanPattern::Table(BeamTable { beams: 131_072, channels: 300, hash: u32::MAX }),
-        ];
-        for pattern in spinning.into_iter().chain(others) {
+        for pattern in spinning.into_iter().chain(ScanPattern::EXAMPLES) {
             let words = straps(&Hardware::REFERENCE, &pattern);
             assert_eq!(read_straps(words), Some((Hardware::REFERENCE, pattern)));
         }
     }
 
     #[test]
+    fn the_longest_straps_fit() {
+        let longest = Hardware {
+            adc_bits: u32::MAX,
+            range_min_mm: u32::MAX,
+            range_max_mm: u32::MAX,
+            energy_limit_pj: u32::MAX,
+            unit_echo_milli: u32::MAX,
+            shot_noise_ppm: u32::MAX,
+        };
+        for pattern in ScanPattern::EXAMPLES {
+            let words = straps(&longest, &pattern).map(u32::to_le_bytes);
+            let read = postcard::take_from_bytes(words.as_flattened()).map(|(all, _)| all);
+            assert_eq!(read, Ok((longest, pattern)));
+        }
+    }
+
+    #[test]
     fn straps_of_no_pattern_make_no_sensor() {
-        let hardware = Hardware::REFERENCE;
-        let words = straps(&hardware, &ScanPattern::default());
-        for (at, wrong) in [(6, 5), (7, 65_536), (6, u32::MAX)] {
-            let other = core::array::from_fn(|i| match words.get(i) {
-                Some(word) if i != at => *word,
-                _ => wrong,
-            });
-            assert_eq!(read_straps(other), None, "word {at} is {wrong}");
+        // The number of no pattern, and a grid of more columns than 16 bits hold.
+        for wrong in [(99, 0), (u32::MAX, 0), (0, 65_536)] {
+            let mut words = [[0; 4]; STRAP_WORDS];
+            let written =
+                postcard::to_slice(&(Hardware::REFERENCE, wrong), words.as_flattened_mut());
+            assert!(written.is_ok());
+            assert_eq!(read_straps(words.map(u32::from_le_bytes)), None, "{wrong:?}");
         }
     }
 

@@ -156,7 +156,7 @@ impl<B: Board> App<B> {
         self.configure()?;
         self.set_front_end()?;
         self.begin_scan(scan)?;
-        let shots = self.configured.as_ref().map_or(0, |c| c.pipeline.config().shots());
+        let shots = self.configured.as_ref().map_or(0, |c| c.pipeline.config().shots);
         let end = first.saturating_add(u32::from(count));
         self.fire(first, 0)?;
         for beam in first..end {
@@ -220,7 +220,7 @@ impl<B: Board> App<B> {
     pub(crate) fn end_shot(&mut self, shot: u32) {
         let Some(Configured { pipeline, .. }) = &self.configured else { return };
         let config = pipeline.config();
-        if let Some(codes) = self.codes.get(..config.codes()).filter(|_| config.shots() > 1) {
+        if let Some(codes) = self.codes.get(..config.codes()).filter(|_| config.shots > 1) {
             self.scratch.shots().add(shot, codes);
             self.board.feed_watchdog();
         }
@@ -231,8 +231,8 @@ impl<B: Board> App<B> {
         let Configured { pipeline, .. } = self.configured.as_ref()?;
         let config = pipeline.config();
         let codes = self.codes.get_mut(..config.codes())?;
-        if config.shots() > 1 {
-            self.scratch.shots().read(config.sum_shift(), codes);
+        if config.shots > 1 {
+            self.scratch.shots().read(config.sum_shift, codes);
         }
         Some(self.board.detect(pipeline, codes, &mut self.scratch))
     }

@@ -79,7 +79,7 @@ impl<B: Board> App<B> {
 
     /// Number of shots of a beam.
     fn shots(&self) -> Option<u32> {
-        self.configured.as_ref().map(|c| c.pipeline.config().shots())
+        self.configured.as_ref().map(|c| c.pipeline.config().shots)
     }
 
     /// Place at which the codes continue; in another scan, the beginning of its beam.

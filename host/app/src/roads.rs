@@ -104,9 +104,10 @@ fn network(source: &str) -> Result<(RoadNetwork, Option<String>), Failure> {
     Ok((network, drawn))
 }
 
-fn counted(network: &RoadNetwork) -> Vec<(LaneKind, usize)> {
-    let count = |kind| network.lanes().iter().filter(|lane| lane.kind == kind).count();
-    LaneKind::ALL.map(|kind| (kind, count(kind))).into_iter().filter(|(_, n)| *n > 0).collect()
+fn counted(network: &RoadNetwork) -> Vec<(&'static str, usize)> {
+    let count = |kind| network.lanes.iter().filter(|lane| lane.kind == kind).count();
+    let named = LaneKind::NAMED.map(|(kind, name)| (name, count(kind)));
+    named.into_iter().filter(|(_, n)| *n > 0).collect()
 }
 
 fn told(network: &RoadNetwork) -> String {
@@ -115,38 +116,38 @@ fn told(network: &RoadNetwork) -> String {
         "{}: {} roads of {:.2} km, {:.0} m × {:.0} m\n",
         network.name,
         network.roads(),
-        network.length_m() / 1000.0,
+        network.length_m / 1000.0,
         high[0] - low[0],
         high[1] - low[1]
     );
     let lanes: Vec<String> =
-        counted(network).iter().map(|(kind, n)| format!("{n} {}", kind.name())).collect();
+        counted(network).iter().map(|(kind, n)| format!("{n} {kind}")).collect();
     let _ = writeln!(text, "lanes: {}", lanes.join(", "));
     let _ = writeln!(
         text,
         "{} lead from lane to lane; {} lights and signs, {} objects",
         network.topology().len(),
-        network.signs().len(),
-        network.props().len()
+        network.signs.len(),
+        network.props.len()
     );
-    if !network.remarks().is_empty() {
-        let _ = writeln!(text, "{} remarks, listed by --json", network.remarks().len());
+    if !network.remarks.is_empty() {
+        let _ = writeln!(text, "{} remarks, listed by --json", network.remarks.len());
     }
     text
 }
 
 fn document(network: &RoadNetwork) -> Value {
     let lanes: serde_json::Map<String, Value> =
-        counted(network).into_iter().map(|(kind, n)| (kind.name().into(), n.into())).collect();
+        counted(network).into_iter().map(|(kind, n)| (kind.into(), n.into())).collect();
     let topology: Vec<[[f64; 3]; 2]> =
         network.topology().iter().map(|pair| pair.map(|place| place.at)).collect();
     json!({
         "format": 1,
         "name": network.name,
         "roads": network.roads(),
-        "length_m": network.length_m(),
+        "length_m": network.length_m,
         "lanes": lanes,
-        "remarks": network.remarks(),
+        "remarks": network.remarks,
         "topology": topology,
     })
 }
@@ -158,7 +159,7 @@ fn waypoints(network: &RoadNetwork, step_m: f64) -> String {
     for Waypoint { lane, s_m, at: [x, y, z], heading_rad, rise, width_m } in
         network.waypoints(step_m)
     {
-        let lane = &network.lanes()[lane];
+        let lane = &network.lanes[lane];
         let _ = writeln!(
             text,
             "{},{},{},{s_m:.3},{x:.4},{y:.4},{z:.4},{:.4},{rise:.6},{width_m:.3},{}",

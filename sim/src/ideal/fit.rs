@@ -58,8 +58,8 @@ pub(super) fn refine(samples: &Samples, width: f64, pulses: &mut [FittedPulse]) 
         let before: Vec<usize> = sizes(pulses);
         for together in pulses.chunk_by_mut(overlap) {
             fit.refine(together);
-            if let [alone] = together {
-                fit.weigh_amplitudes(alone);
+            if let [single] = together {
+                fit.weigh_amplitudes(single);
             }
         }
         pulses.sort_by(|a, b| a.time.total_cmp(&b.time));

@@ -108,10 +108,10 @@ pub enum ImportError {
 ///
 /// [`ImportError`], which names the file and what is wrong with it.
 pub fn load_scene(path: &Path, options: &ImportOptions) -> Result<Scene, ImportError> {
-    let format = Format::of(path)?;
+    Format::of(path)?;
     let bytes =
         read_data(path).map_err(|source| ImportError::Unreadable { path: path.into(), source })?;
-    parse(path, format, &bytes, options)
+    parse_scene(path, &bytes, options)
 }
 
 /// As [`load_scene`], from the bytes of a file; `path` gives the format and the folder of the
@@ -125,7 +125,23 @@ pub fn parse_scene(
     bytes: &[u8],
     options: &ImportOptions,
 ) -> Result<Scene, ImportError> {
-    parse(path, Format::of(path)?, bytes, options)
+    let kind = Format::of(path)?;
+    let mut files = ReferencedFiles::new(folder_of(path), options.libraries);
+    let default = options.default_surface;
+    let (format, mesh) = match kind {
+        Format::Ply => ("PLY", ply::read(bytes, default)),
+        Format::Obj => ("OBJ", obj::read(bytes, &mut |names| files.open(names), default)),
+        Format::Gltf => ("glTF", gltf::read(bytes, &mut |uri| files.buffer(uri), default)),
+        Format::Stl => ("STL", stl::read(bytes, default)),
+    };
+    let y_up = options.y_up || matches!(kind, Format::Gltf);
+    let name = path
+        .file_stem()
+        .map_or_else(|| "imported".into(), |stem| stem.to_string_lossy().into_owned());
+    mesh.and_then(|mesh| finish_scene(mesh, name, y_up, options)).map_err(|fault| match fault {
+        Fault::Format(what) => ImportError::Malformed { path: path.into(), format, what },
+        Fault::Mesh(fault) => ImportError::Unusable { path: path.into(), fault },
+    })
 }
 
 /// Paths that [`load_scene`] reads with a mesh, in order: material libraries of an OBJ, buffers of
@@ -167,31 +183,6 @@ impl Format {
             _ => Err(ImportError::UnknownFormat { path: path.into() }),
         }
     }
-}
-
-fn parse(
-    path: &Path,
-    format: Format,
-    bytes: &[u8],
-    options: &ImportOptions,
-) -> Result<Scene, ImportError> {
-    let mut files = ReferencedFiles::new(folder_of(path), options.libraries);
-    let default = options.default_surface;
-    let (name, mesh) = match format {
-        Format::Ply => ("PLY", ply::read(bytes, default)),
-        Format::Obj => ("OBJ", obj::read(bytes, &mut |names| files.open(names), default)),
-        Format::Gltf => ("glTF", gltf::read(bytes, &mut |uri| files.buffer(uri), default)),
-        Format::Stl => ("STL", stl::read(bytes, default)),
-    };
-    let y_up = options.y_up || matches!(format, Format::Gltf);
-    let format = name;
-    let name = path
-        .file_stem()
-        .map_or_else(|| "imported".into(), |stem| stem.to_string_lossy().into_owned());
-    mesh.and_then(|mesh| finish_scene(mesh, name, y_up, options)).map_err(|fault| match fault {
-        Fault::Format(what) => ImportError::Malformed { path: path.into(), format, what },
-        Fault::Mesh(fault) => ImportError::Unusable { path: path.into(), fault },
-    })
 }
 
 /// Scales the mesh to metres with z up, checks it and adds its ground.

@@ -52,9 +52,6 @@ impl<'a> ReferencedFiles<'a> {
 
     /// Surfaces of materials, from the files of an `mtllib` line.
     pub(super) fn open(&mut self, names: &str) -> Result<Vec<(String, Surface)>, String> {
-        if self.which == Libraries::None || names.is_empty() {
-            return Ok(Vec::new());
-        }
         let mut found = Vec::new();
         for name in self.names(names) {
             if let Some(path) = self.find(name)? {
@@ -66,13 +63,16 @@ impl<'a> ReferencedFiles<'a> {
 
     /// Paths that [`ReferencedFiles::open`] would read.
     pub(super) fn files(&mut self, names: &str) -> Vec<PathBuf> {
-        let is_open = self.which != Libraries::None && !names.is_empty();
-        let names = if is_open { self.names(names) } else { Vec::new() };
+        let names = self.names(names);
         names.into_iter().filter_map(|name| self.find(name).ok().flatten()).collect()
     }
 
-    /// Names on an `mtllib` line: a single one with blanks, if that file exists, or several.
+    /// Names on an `mtllib` line that may be opened: a single one with blanks, if that file exists,
+    /// or several.
     fn names<'n>(&self, names: &'n str) -> Vec<&'n str> {
+        if self.which == Libraries::None || names.is_empty() {
+            return Vec::new();
+        }
         let has_blanks = names.contains(char::is_whitespace);
         match !has_blanks || self.folder.join(names).exists() {
             true => vec![names],
@@ -245,6 +245,11 @@ mod tests {
         outer
     }
 
+    /// Why the names of an `mtllib` line are refused.
+    fn refusal(home: &Path, which: Libraries, names: &str) -> String {
+        ReferencedFiles::new(home, which).open(names).unwrap_err()
+    }
+
     #[test]
     fn libraries_below_the_folder_of_the_mesh_are_read_once_and_missing_ones_skipped() {
         let outer = folders();
@@ -272,7 +277,7 @@ mod tests {
         #[cfg(unix)]
         std::os::unix::fs::symlink("../out.mtl", home.join("link.mtl")).unwrap();
         for name in ["../out.mtl", "below/../../out.mtl", &absolute, "link.mtl", "/dev/zero"] {
-            let message = ReferencedFiles::new(&home, Libraries::Beside).open(name).unwrap_err();
+            let message = refusal(&home, Libraries::Beside, name);
             assert!(message.contains("another folder"), "{name}: {message}");
             assert_eq!(ReferencedFiles::new(&home, Libraries::None).open(name).unwrap(), []);
         }
@@ -313,15 +318,16 @@ mod tests {
     fn only_regular_files_are_opened() {
         let outer = folders();
         let home = outer.path().join("mesh");
-        let message =
-            ReferencedFiles::new(&home, Libraries::Anywhere).open("/dev/zero").unwrap_err();
-        assert!(message.contains("not a regular file"), "{message}");
         let made = std::process::Command::new("mkfifo").arg(home.join("pipe.mtl")).status();
         assert!(made.is_ok_and(|made| made.success()));
-        let message = ReferencedFiles::new(&home, Libraries::Beside).open("pipe.mtl").unwrap_err();
-        assert!(message.contains("not a regular file"), "{message}");
-        let message = ReferencedFiles::new(&home, Libraries::Beside).open("below").unwrap_err();
-        assert!(message.contains("not a regular file"), "{message}");
+        for (which, name) in [
+            (Libraries::Anywhere, "/dev/zero"),
+            (Libraries::Beside, "pipe.mtl"),
+            (Libraries::Beside, "below"),
+        ] {
+            let message = refusal(&home, which, name);
+            assert!(message.contains("not a regular file"), "{message}");
+        }
     }
 
     #[test]
@@ -332,23 +338,17 @@ mod tests {
             fs::write(home.path().join(format!("{i}.mtl")), "").unwrap();
             names += &format!("{i}.mtl ");
         }
-        let message =
-            ReferencedFiles::new(home.path(), Libraries::Beside).open(&names).unwrap_err();
+        let home = home.path();
+        let message = refusal(home, Libraries::Beside, &names);
         assert_eq!(message, "mtllib \"16.mtl\" is one of more than 16");
-        let big = fs::File::create(home.path().join("big.mtl")).unwrap();
+        let big = fs::File::create(home.join("big.mtl")).unwrap();
         big.set_len(MAX_BYTES + 1).unwrap();
-        let message =
-            ReferencedFiles::new(home.path(), Libraries::Beside).open("big.mtl").unwrap_err();
+        let message = refusal(home, Libraries::Beside, "big.mtl");
         assert!(message.contains("more than 16 MB"), "{message}");
         let absent: Vec<String> = (0..=MAX_NAMES).map(|i| format!("x{i}.mtl")).collect();
-        let message = ReferencedFiles::new(home.path(), Libraries::Beside)
-            .open(&absent.join(" "))
-            .unwrap_err();
+        let message = refusal(home, Libraries::Beside, &absent.join(" "));
         assert_eq!(message, "mtllib \"x1024.mtl\" is one of more than 1024 names");
         let again = "x.mtl ".repeat(MAX_NAMES + 1);
-        assert_eq!(
-            ReferencedFiles::new(home.path(), Libraries::Beside).open(&again),
-            Ok(Vec::new())
-        );
+        assert_eq!(ReferencedFiles::new(home, Libraries::Beside).open(&again), Ok(Vec::new()));
     }
 }

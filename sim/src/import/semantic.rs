@@ -201,7 +201,7 @@ mod tests {
 
     use super::*;
     use crate::raycast::Raycaster;
-    use crate::scanner::{BeamOptics, Scanner};
+    use crate::scanner::{self, BeamOptics};
     use crate::scene::Mesh;
 
     const HEADER: &str = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float32 x\n\
@@ -283,7 +283,7 @@ mod tests {
         let directions: Vec<[f32; 3]> = (0..64).map(unit).collect();
         let one = BeamOptics { subrays: 1, ..BeamOptics::default() };
         let pose = Isometry3::identity();
-        let response = Scanner::scan(&caster, MATERIALS, &pose, &directions, &one);
+        let response = scanner::scan(&caster, MATERIALS, &pose, &directions, &one);
         let points: String = directions
             .iter()
             .map(|&d| {

@@ -1,6 +1,6 @@
 use super::*;
 use crate::raycast::Raycaster;
-use crate::scanner::{BeamOptics, Scanner};
+use crate::scanner::{self, BeamOptics};
 use crate::scene::SceneKind;
 use crate::viewpoint::{PairPlan, Split, sample_pairs};
 
@@ -316,7 +316,7 @@ fn assert_scannable(scene: &Scene, split: Split) {
     for pair in pairs {
         let pose = pair.world_from_first;
         let response =
-            Scanner::scan(&caster, &scene.materials, &pose, &directions, &BeamOptics::default());
+            scanner::scan(&caster, &scene.materials, &pose, &directions, &BeamOptics::default());
         let answered = (0..response.len()).filter(|&b| !response.of(b).is_empty()).count();
         assert!(answered > 600, "{}: {answered} of 1800 beams return", scene.name);
     }

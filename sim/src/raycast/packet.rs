@@ -103,10 +103,10 @@ fn nearest_single_inline(
     within_m: f32,
 ) -> LeafHit {
     let (ray, hit) = (ShearedRay::new(origin, direction), LeafHit::miss_within(within_m));
-    let mut alone = SingleRay { triangles, ray, hit };
+    let mut single = SingleRay { triangles, ray, hit };
     let mut stack = Vec::with_capacity(DEPTH);
-    Frustum::new(origin, &[direction]).traverse(nodes, &mut alone, &mut stack);
-    alone.hit
+    Frustum::new(origin, &[direction]).traverse(nodes, &mut single, &mut stack);
+    single.hit
 }
 
 /// One ray with its nearest hit so far.

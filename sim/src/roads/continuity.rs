@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use super::fault::RoadFault;
+use super::fault::of_road;
 use super::profile::{Cubic, Geometry, Profile};
 
 /// Largest gap between two pieces, in place and along the road, and largest difference between the
@@ -19,9 +19,9 @@ const MIN_PIECE_M: f64 = 0.1;
 const MAX_NEGATIVE_WIDTH_M: f64 = 0.05;
 
 /// Refuses a road with a gap.
-pub(super) fn check(road: &Profile) -> Result<(), RoadFault> {
+pub(super) fn check(road: &Profile) -> Result<(), String> {
     let found = plan(road).or_else(|| sections(road)).or_else(|| widths(road));
-    found.map_or(Ok(()), |what| Err(RoadFault::of(&road.id, what)))
+    found.map_or(Ok(()), |what| Err(of_road(&road.id, what)))
 }
 
 fn plan(road: &Profile) -> Option<String> {

@@ -24,7 +24,7 @@ mod profile;
 mod street_plan;
 mod waypoint;
 
-pub use fault::{RoadFault, RoadsError};
+pub use fault::RoadsError;
 pub use network::{Lane, LaneKind, Prop, RoadNetwork, Sign, SignKind, load_network, parse_network};
 pub use opendrive_writer::draw_network;
 pub use street_plan::NetworkStyle;

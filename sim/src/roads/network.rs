@@ -4,9 +4,9 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use echoloop_files::{one_line, read_data};
-use xodr::{LaneType, Layer, Shape, Warning};
+use xodr::{Extent, LaneType, Layer, Shape, Warning};
 
-use super::fault::{RoadFault, RoadsError};
+use super::fault::{RoadsError, of_road};
 use super::opendrive_records;
 use super::profile::{Profile, placed};
 
@@ -35,32 +35,17 @@ pub enum LaneKind {
 }
 
 impl LaneKind {
-    /// All kinds.
-    pub const ALL: [Self; 8] = [
-        Self::Driving,
-        Self::Traffic,
-        Self::Parking,
-        Self::Shoulder,
-        Self::Sidewalk,
-        Self::Median,
-        Self::Rail,
-        Self::Verge,
+    /// All kinds, with their names in tables.
+    pub const NAMED: [(Self, &'static str); 8] = [
+        (Self::Driving, "driving"),
+        (Self::Traffic, "other traffic"),
+        (Self::Parking, "parking"),
+        (Self::Shoulder, "shoulder"),
+        (Self::Sidewalk, "sidewalk"),
+        (Self::Median, "median"),
+        (Self::Rail, "rail"),
+        (Self::Verge, "verge"),
     ];
-
-    /// Name in tables.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Driving => "driving",
-            Self::Traffic => "other traffic",
-            Self::Parking => "parking",
-            Self::Shoulder => "shoulder",
-            Self::Sidewalk => "sidewalk",
-            Self::Median => "median",
-            Self::Rail => "rail",
-            Self::Verge => "verge",
-        }
-    }
 
     fn of(kind: LaneType) -> Self {
         use LaneType as L;
@@ -140,12 +125,19 @@ pub struct Prop {
 pub struct RoadNetwork {
     /// Name: that of the file without its extension.
     pub name: String,
-    lanes: Vec<Lane>,
-    paint: Vec<[[f64; 3]; 4]>,
-    signs: Vec<Sign>,
-    props: Vec<Prop>,
-    remarks: Vec<String>,
-    length_m: f64,
+    /// All lanes, of every kind.
+    pub lanes: Vec<Lane>,
+    /// Painted stripes, four corners each, metres.
+    pub paint: Vec<[[f64; 3]; 4]>,
+    /// Traffic lights and signs.
+    pub signs: Vec<Sign>,
+    /// Objects.
+    pub props: Vec<Prop>,
+    /// Remarks on harmless faults of the file and on items left out: a link that leads nowhere, an
+    /// object without a position.
+    pub remarks: Vec<String>,
+    /// Length of all roads, metres.
+    pub length_m: f64,
     pub(super) source: xodr::RoadNetwork,
     pub(super) profiles: Vec<Profile>,
 }
@@ -168,8 +160,7 @@ pub fn load_network(path: &Path) -> Result<RoadNetwork, RoadsError> {
 /// As for [`load_network`].
 pub fn parse_network(path: &Path, bytes: &[u8]) -> Result<RoadNetwork, RoadsError> {
     let name = path.file_stem().map_or_else(String::new, |stem| one_line(&stem.to_string_lossy()));
-    let text = std::str::from_utf8(bytes)
-        .map_err(|error| RoadFault::Format(format!("it is not UTF-8 text: {error}")));
+    let text = std::str::from_utf8(bytes).map_err(|error| format!("it is not UTF-8 text: {error}"));
     text.and_then(|text| RoadNetwork::parse(&name, text))
         .map_err(|fault| RoadsError::Malformed { path: path.into(), fault })
 }
@@ -179,17 +170,16 @@ impl RoadNetwork {
     ///
     /// # Errors
     ///
-    /// [`RoadFault`].
-    pub fn parse(name: &str, text: &str) -> Result<Self, RoadFault> {
+    /// The fault of the text, and its place.
+    pub fn parse(name: &str, text: &str) -> Result<Self, String> {
         let (profiles, mut remarks) = opendrive_records::profiles(text)?;
-        let (source, found) = xodr::load_str_with_provenance(text)
-            .map_err(|error| RoadFault::Format(one_line(&error.to_string())))?;
+        let (source, found) =
+            xodr::load_str_with_provenance(text).map_err(|error| one_line(&error.to_string()))?;
         for warning in found.warnings.iter().filter(|warning| !warning.is_ignored()) {
+            let what = one_line(&warning.to_string());
             match breaks_a_road(warning) {
-                true => {
-                    return Err(RoadFault::of(warning.road_id(), one_line(&warning.to_string())));
-                }
-                false => remarks.push(one_line(&warning.to_string())),
+                true => return Err(of_road(warning.road_id(), what)),
+                false => remarks.push(what),
             }
         }
         let lanes = lanes(&source, &profiles)?;
@@ -213,59 +203,26 @@ impl RoadNetwork {
     ///
     /// # Errors
     ///
-    /// [`RoadFault::TooFar`].
-    pub fn check_reach(&self, most_m: f64) -> Result<(), RoadFault> {
+    /// The first lane that does.
+    pub fn check_reach(&self, most_m: f64) -> Result<(), String> {
         self.lanes.iter().try_for_each(|lane| {
             let numbers = lane.ribs.as_flattened().as_flattened().iter();
             let reach_m = numbers.fold(0.0, |most: f64, x| most.max(x.abs()));
             match reach_m <= most_m {
                 true => Ok(()),
-                false => Err(RoadFault::TooFar { road: one_line(&lane.road), reach_m, most_m }),
+                false => Err(format!(
+                    "road {} reaches {reach_m:.0} m from the origin, more than {most_m:.0} m: is \
+                     its origin near?",
+                    one_line(&lane.road)
+                )),
             }
         })
-    }
-
-    /// All lanes, of every kind.
-    #[must_use]
-    pub fn lanes(&self) -> &[Lane] {
-        &self.lanes
-    }
-
-    /// Painted stripes, four corners each, metres.
-    #[must_use]
-    pub fn paint(&self) -> &[[[f64; 3]; 4]] {
-        &self.paint
-    }
-
-    /// Traffic lights and signs.
-    #[must_use]
-    pub fn signs(&self) -> &[Sign] {
-        &self.signs
-    }
-
-    /// Objects.
-    #[must_use]
-    pub fn props(&self) -> &[Prop] {
-        &self.props
-    }
-
-    /// Remarks on harmless faults of the file and on items left out: a link that leads nowhere, an
-    /// object without a position.
-    #[must_use]
-    pub fn remarks(&self) -> &[String] {
-        &self.remarks
     }
 
     /// Number of roads.
     #[must_use]
     pub fn roads(&self) -> usize {
         self.profiles.len()
-    }
-
-    /// Length of all roads, metres.
-    #[must_use]
-    pub fn length_m(&self) -> f64 {
-        self.length_m
     }
 
     /// Smallest and largest (x, y) of all lanes, metres.
@@ -317,7 +274,7 @@ fn breaks_a_road(warning: &Warning) -> bool {
     )
 }
 
-fn lanes(source: &xodr::RoadNetwork, profiles: &[Profile]) -> Result<Vec<Lane>, RoadFault> {
+fn lanes(source: &xodr::RoadNetwork, profiles: &[Profile]) -> Result<Vec<Lane>, String> {
     let by_id: HashMap<&str, usize> =
         profiles.iter().enumerate().map(|(k, profile)| (profile.id.as_str(), k)).collect();
     let mesh = source.surface_mesh();
@@ -346,7 +303,7 @@ fn lanes(source: &xodr::RoadNetwork, profiles: &[Profile]) -> Result<Vec<Lane>, 
     }
     link(source, &mut lanes);
     match lanes.is_empty() {
-        true => Err(RoadFault::Format("none of its roads has a lane".into())),
+        true => Err("none of its roads has a lane".into()),
         false => Ok(lanes),
     }
 }
@@ -378,45 +335,36 @@ fn sign(signal: &xodr::Signal) -> Sign {
 
 fn prop(object: &xodr::Object) -> Option<Prop> {
     let name = if object.name.is_empty() { object.kind.as_str() } else { &object.name };
-    let (outline, height_m) = match &object.shape {
+    let (outline, height_m): (Vec<[f64; 3]>, f64) = match &object.shape {
         Shape::Outline { corners, closed: true, .. } => {
             let rise = |corner: &xodr::Corner| f64::from(corner.top.z - corner.base.z);
             let height_m = corners.iter().map(rise).fold(0.0, f64::max);
             (corners.iter().map(|corner| rounded(corner.base)).collect(), height_m)
         }
         Shape::Solid { position, heading, extent: Some(extent), .. } => {
-            (foot(rounded(*position), f64::from(*heading), extent)?, height(extent)?)
+            let (sides, height) = match extent {
+                Extent::Box { length, width, height } => ([*length, *width], height),
+                Extent::Cylinder { radius, height } => ([2.0 * radius; 2], height),
+                _ => return None,
+            };
+            (foot(rounded(*position), f64::from(*heading), sides), f64::from(*height))
         }
         _ => return None,
     };
-    let outline: Vec<[f64; 3]> = outline;
     (outline.len() >= 3).then(|| Prop { name: one_line(name), outline, height_m })
 }
 
-fn height(extent: &xodr::Extent) -> Option<f64> {
-    match extent {
-        xodr::Extent::Box { height, .. } | xodr::Extent::Cylinder { height, .. } => {
-            Some(f64::from(*height))
-        }
-        _ => None,
-    }
-}
-
-fn foot([x, y, z]: [f64; 3], heading: f64, extent: &xodr::Extent) -> Option<Vec<[f64; 3]>> {
-    let [along, across] = match extent {
-        xodr::Extent::Box { length, width, .. } => [*length, *width],
-        xodr::Extent::Cylinder { radius, .. } => [2.0 * radius; 2],
-        _ => return None,
-    }
-    .map(|size| 0.5 * f64::from(size));
+/// Corners of a rectangle with these sides around a point.
+fn foot([x, y, z]: [f64; 3], heading: f64, sides: [f32; 2]) -> Vec<[f64; 3]> {
+    let [along, across] = sides.map(|side| 0.5 * f64::from(side));
     let corner = |u: f64, v: f64| {
         let [x, y] = placed([x, y], heading, [u, v]);
         [x, y, z]
     };
-    Some(vec![
+    vec![
         corner(-along, -across),
         corner(along, -across),
         corner(along, across),
         corner(-along, across),
-    ])
+    ]
 }

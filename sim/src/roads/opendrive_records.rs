@@ -7,7 +7,7 @@ use echoloop_files::one_line;
 use roxmltree::{Document, Node};
 
 use super::continuity;
-use super::fault::RoadFault;
+use super::fault::of_road;
 use super::profile::{Cubic, Curve, Geometry, Profile, Section, placed};
 
 /// Largest file, bytes. CARLA's towns have 1 to 20 MB.
@@ -36,54 +36,21 @@ const MAX_NAMESPACES: usize = 100;
 const MAX_RECORDS: usize = 10_000;
 
 /// Names of attributes that are numbers, in any element of a road.
-const NUMBERS: &[&str] = &[
-    "s",
-    "t",
-    "x",
-    "y",
-    "hdg",
-    "length",
-    "curvature",
-    "curvStart",
-    "curvEnd",
-    "a",
-    "b",
-    "c",
-    "d",
-    "aU",
-    "bU",
-    "cU",
-    "dU",
-    "aV",
-    "bV",
-    "cV",
-    "dV",
-    "sOffset",
-    "tOffset",
-    "zOffset",
-    "width",
-    "inner",
-    "outer",
-    "u",
-    "v",
-    "z",
-    "dz",
-];
+const NUMBERS: &str = "s t x y hdg length curvature curvStart curvEnd a b c d aU bU cU dU aV bV cV dV \
+                       sOffset tOffset zOffset width inner outer u v z dz";
 
 /// Reads the records of all roads, with remarks on links to missing roads.
-pub(super) fn profiles(text: &str) -> Result<(Vec<Profile>, Vec<String>), RoadFault> {
-    let format = |what: String| Err(RoadFault::Format(what));
+pub(super) fn profiles(text: &str) -> Result<(Vec<Profile>, Vec<String>), String> {
     if text.len() > MAX_BYTES {
-        return format(format!("it has more than {} MB", MAX_BYTES >> 20));
+        return Err(format!("it has more than {} MB", MAX_BYTES >> 20));
     }
     check_marks(text)?;
-    let document = Document::parse(text).map_err(|error| {
-        RoadFault::Format(format!("it is not XML: {}", one_line(&error.to_string())))
-    })?;
+    let document = Document::parse(text)
+        .map_err(|error| format!("it is not XML: {}", one_line(&error.to_string())))?;
     let root = document.root_element();
     if !root.has_tag_name("OpenDRIVE") {
         let name = one_line(root.tag_name().name());
-        return format(format!("its root is <{name}>, expected <OpenDRIVE>"));
+        return Err(format!("its root is <{name}>, expected <OpenDRIVE>"));
     }
     check_depth(&document)?;
     refuse_includes(&document)?;
@@ -91,10 +58,10 @@ pub(super) fn profiles(text: &str) -> Result<(Vec<Profile>, Vec<String>), RoadFa
     check_length(&roads)?;
     let mut seen = HashSet::new();
     let profiles = roads.iter().map(|road| {
-        let profile = profile(*road)?;
+        let profile = profile(*road).map_err(|what| of_road(id(*road), what))?;
         match seen.insert(profile.id.clone()) {
             true => Ok(profile),
-            false => Err(RoadFault::of(&profile.id, "its id is that of another road too")),
+            false => Err(of_road(&profile.id, "its id is that of another road too")),
         }
     });
     let profiles: Vec<Profile> = profiles.collect::<Result<_, _>>()?;
@@ -130,7 +97,7 @@ fn lost_links(root: Node<'_, '_>, roads: &[Node<'_, '_>]) -> Vec<String> {
 }
 
 /// Refuses roads that would take more points than any place has, before they are built.
-fn check_work(profiles: &[Profile]) -> Result<(), RoadFault> {
+fn check_work(profiles: &[Profile]) -> Result<(), String> {
     let mut lanes_m = 0.0;
     for (k, profile) in profiles.iter().enumerate() {
         let turn_rad: f64 = profile.geometries.iter().map(Geometry::turn_rad).sum();
@@ -138,7 +105,7 @@ fn check_work(profiles: &[Profile]) -> Result<(), RoadFault> {
         // More pieces may turn more: each takes bytes of the file.
         if rounds > MAX_ROUNDS.max(profile.geometries.len() as f64) {
             let what = format!("it makes {rounds:.0} full turns, more than {MAX_ROUNDS:.0}");
-            return Err(RoadFault::of(&profile.id, what));
+            return Err(of_road(&profile.id, what));
         }
         let sections = 0..profile.sections.len();
         let lanes_of = |section: usize| {
@@ -149,40 +116,36 @@ fn check_work(profiles: &[Profile]) -> Result<(), RoadFault> {
     }
     match lanes_m <= 1000.0 * MAX_LANES_KM {
         true => Ok(()),
-        false => Err(RoadFault::Format(format!(
+        false => Err(format!(
             "it has {:.0} km of lanes, more than {MAX_LANES_KM:.0} km: cut out a part of it",
             0.001 * lanes_m
-        ))),
+        )),
     }
 }
 
 /// Refuses XML that would take long or much memory, before it is parsed. Counts everything that
 /// looks like a tag or an attribute, which is never too few: no attribute value contains a `<`.
-fn check_marks(text: &str) -> Result<(), RoadFault> {
-    let format = |what: String| Err(RoadFault::Format(what));
+fn check_marks(text: &str) -> Result<(), String> {
     let marks = text.bytes().filter(|byte| matches!(byte, b'<' | b'=')).count();
     if marks > text.len() / BYTES_A_MARK + 10_000 {
-        return format(format!(
-            "it has more than a tag or an attribute every {BYTES_A_MARK} bytes"
-        ));
+        return Err(format!("it has more than a tag or an attribute every {BYTES_A_MARK} bytes"));
     }
     let attributes = |tag: &[u8]| tag.iter().filter(|byte| **byte == b'=').count();
     if text.as_bytes().split(|byte| *byte == b'<').any(|tag| attributes(tag) > MAX_ATTRIBUTES) {
-        return format(format!("an element has more than {MAX_ATTRIBUTES} attributes"));
+        return Err(format!("an element has more than {MAX_ATTRIBUTES} attributes"));
     }
     match text.matches("xmlns").nth(MAX_NAMESPACES) {
         None => Ok(()),
-        Some(_) => format(format!("it declares more than {MAX_NAMESPACES} namespaces")),
+        Some(_) => Err(format!("it declares more than {MAX_NAMESPACES} namespaces")),
     }
 }
 
 /// Limits the nesting depth: the parser takes any depth, but code that recurses does not.
-fn check_depth(document: &Document<'_>) -> Result<(), RoadFault> {
+fn check_depth(document: &Document<'_>) -> Result<(), String> {
     let mut open = vec![(document.root_element(), 1)];
     while let Some((node, depth)) = open.pop() {
         if depth > MAX_DEPTH {
-            let what = format!("its elements are nested more than {MAX_DEPTH} deep");
-            return Err(RoadFault::Format(what));
+            return Err(format!("its elements are nested more than {MAX_DEPTH} deep"));
         }
         open.extend(node.children().filter(Node::is_element).map(|child| (child, depth + 1)));
     }
@@ -190,34 +153,34 @@ fn check_depth(document: &Document<'_>) -> Result<(), RoadFault> {
 }
 
 /// Refuses includes: a network is untrusted input and opens no other file.
-fn refuse_includes(document: &Document<'_>) -> Result<(), RoadFault> {
+fn refuse_includes(document: &Document<'_>) -> Result<(), String> {
     match document.descendants().find(|node| node.has_tag_name("include")) {
         None => Ok(()),
         Some(node) => {
-            let (file, line) = (
-                one_line(node.attribute("file").unwrap_or_default()),
-                document.text_pos_at(node.range().start).row,
-            );
-            let what = format!(
+            let file = one_line(node.attribute("file").unwrap_or_default());
+            let line = document.text_pos_at(node.range().start).row;
+            Err(format!(
                 "line {line} includes {file:?}, and no other file is read: write in what it has"
-            );
-            Err(RoadFault::Format(what))
+            ))
         }
     }
 }
 
 /// Limits the length of all roads before they are built: a kilometre takes many points.
-fn check_length(roads: &[Node<'_, '_>]) -> Result<(), RoadFault> {
+fn check_length(roads: &[Node<'_, '_>]) -> Result<(), String> {
     if roads.is_empty() {
-        return Err(RoadFault::NoRoads);
+        return Err("it has no road".into());
     }
     let mut sum_m = 0.0;
     for road in roads {
-        sum_m += number(*road, *road, "length")?;
+        sum_m += number(*road, "length").map_err(|what| of_road(id(*road), what))?;
     }
     match sum_m <= 1000.0 * MAX_KM {
         true => Ok(()),
-        false => Err(RoadFault::TooLong { found_km: 0.001 * sum_m, most_km: MAX_KM }),
+        false => Err(format!(
+            "it has {:.0} km of road, more than {MAX_KM:.0} km: cut out a part of it",
+            0.001 * sum_m
+        )),
     }
 }
 
@@ -229,30 +192,30 @@ fn id<'a>(road: Node<'a, '_>) -> &'a str {
     road.attribute("id").unwrap_or("(without an id)")
 }
 
-/// Number in an attribute of a road.
-fn number(road: Node<'_, '_>, node: Node<'_, '_>, name: &str) -> Result<f64, RoadFault> {
+/// Number in an attribute.
+fn number(node: Node<'_, '_>, name: &str) -> Result<f64, String> {
     let (tag, text) = (node.tag_name().name(), node.attribute(name));
-    let text = text.ok_or_else(|| RoadFault::of(id(road), format!("<{tag}> has no {name}")))?;
+    let text = text.ok_or_else(|| format!("<{tag}> has no {name}"))?;
     let value = text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
-    value.ok_or_else(|| {
-        let text = one_line(text);
-        RoadFault::of(id(road), format!("<{tag}> has {name}={text:?}, expected a finite number"))
-    })
+    value
+        .ok_or_else(|| format!("<{tag}> has {name}={:?}, expected a finite number", one_line(text)))
 }
 
 /// As [`number`], 0 where the attribute is missing.
-fn number_or_zero(road: Node<'_, '_>, node: Node<'_, '_>, name: &str) -> Result<f64, RoadFault> {
-    node.attribute(name).map_or(Ok(0.0), |_| number(road, node, name))
+fn number_or_zero(node: Node<'_, '_>, name: &str) -> Result<f64, String> {
+    node.attribute(name).map_or(Ok(0.0), |_| number(node, name))
 }
 
 /// Checks all numbers of a road except those in `userData`, which belong to other programs.
-fn check_numbers(road: Node<'_, '_>) -> Result<(), RoadFault> {
+fn check_numbers(road: Node<'_, '_>) -> Result<(), String> {
     let mut open = vec![road];
     while let Some(node) = open.pop() {
-        for attribute in node.attributes().filter(|found| NUMBERS.contains(&found.name())) {
+        for attribute in
+            node.attributes().filter(|found| NUMBERS.split(' ').any(|name| name == found.name()))
+        {
             // A width or a length may be empty outside of the records read here.
             if !attribute.value().is_empty() {
-                number(road, node, attribute.name())?;
+                number(node, attribute.name())?;
             }
         }
         let is_checked =
@@ -262,29 +225,26 @@ fn check_numbers(road: Node<'_, '_>) -> Result<(), RoadFault> {
     Ok(())
 }
 
-fn profile(road: Node<'_, '_>) -> Result<Profile, RoadFault> {
+/// Records of a road; the caller adds the road to a fault.
+fn profile(road: Node<'_, '_>) -> Result<Profile, String> {
     check_numbers(road)?;
-    let length_m = number(road, road, "length")?;
+    let length_m = number(road, "length")?;
     if length_m <= 0.0 {
-        return Err(RoadFault::of(id(road), format!("its length is {length_m} m")));
+        return Err(format!("its length is {length_m} m"));
     }
-    let below = |path: &[&str]| path.iter().try_fold(road, |at, name| children(at, name).next());
-    let plan =
-        below(&["planView"]).ok_or_else(|| RoadFault::of(id(road), "it has no <planView>"))?;
-    let mut geometries = records(road, plan, "geometry")?
-        .map(|node| geometry(road, node))
-        .collect::<Result<Vec<_>, _>>()?;
+    let below = |path: &str| children(road, path).next();
+    let plan = below("planView").ok_or("it has no <planView>")?;
+    let mut geometries = records(plan, "geometry")?.map(geometry).collect::<Result<Vec<_>, _>>()?;
     geometries.retain(|piece| piece.length_m > 0.0); // some exporters end a road with one
     if geometries.is_empty() {
-        return Err(RoadFault::of(id(road), "its <planView> has no <geometry> with a length"));
+        return Err("its <planView> has no <geometry> with a length".into());
     }
     geometries.sort_by(|a, b| a.s.total_cmp(&b.s));
-    let lanes = below(&["lanes"]).ok_or_else(|| RoadFault::of(id(road), "it has no <lanes>"))?;
-    let mut sections = records(road, lanes, "laneSection")?
-        .map(|node| section(road, node))
-        .collect::<Result<Vec<_>, _>>()?;
+    let lanes = below("lanes").ok_or("it has no <lanes>")?;
+    let mut sections =
+        records(lanes, "laneSection")?.map(section).collect::<Result<Vec<_>, _>>()?;
     if sections.is_empty() {
-        return Err(RoadFault::of(id(road), "its <lanes> has no <laneSection>"));
+        return Err("its <lanes> has no <laneSection>".into());
     }
     sections.sort_by(|a, b| a.s.total_cmp(&b.s));
     Ok(Profile {
@@ -292,70 +252,59 @@ fn profile(road: Node<'_, '_>) -> Result<Profile, RoadFault> {
         length_m,
         in_junction: road.attribute("junction").is_some_and(|junction| junction != "-1"),
         geometries,
-        elevations: cubics(road, below(&["elevationProfile"]), "elevation", "s")?,
-        lane_offsets: cubics(road, Some(lanes), "laneOffset", "s")?,
+        elevations: cubics(below("elevationProfile"), "elevation", "s")?,
+        lane_offsets: cubics(Some(lanes), "laneOffset", "s")?,
         sections,
     })
 }
 
-/// Records of a list of a road.
+/// Records of a list.
 fn records<'a, 'b>(
-    road: Node<'a, 'b>,
     list: Node<'a, 'b>,
     name: &'static str,
-) -> Result<impl Iterator<Item = Node<'a, 'b>>, RoadFault> {
+) -> Result<impl Iterator<Item = Node<'a, 'b>>, String> {
     match children(list, name).nth(MAX_RECORDS) {
         None => Ok(children(list, name)),
-        Some(_) => {
-            let what = format!("it has more than {MAX_RECORDS} <{name}> in a list");
-            Err(RoadFault::of(id(road), what))
-        }
+        Some(_) => Err(format!("it has more than {MAX_RECORDS} <{name}> in a list")),
     }
 }
 
 fn cubics(
-    road: Node<'_, '_>,
     list: Option<Node<'_, '_>>,
     name: &'static str,
     start: &str,
-) -> Result<Vec<Cubic>, RoadFault> {
+) -> Result<Vec<Cubic>, String> {
     let Some(list) = list else { return Ok(Vec::new()) };
-    let read = records(road, list, name)?.map(|node| {
-        let at = |name| number_or_zero(road, node, name);
+    let read = records(list, name)?.map(|node| {
+        let at = |name| number_or_zero(node, name);
         Ok(Cubic { s: at(start)?, a: at("a")?, b: at("b")?, c: at("c")?, d: at("d")? })
     });
-    let mut records = read.collect::<Result<Vec<_>, _>>()?;
+    let mut records = read.collect::<Result<Vec<_>, String>>()?;
     records.sort_by(|a, b| a.s.total_cmp(&b.s));
     Ok(records)
 }
 
-fn geometry(road: Node<'_, '_>, node: Node<'_, '_>) -> Result<Geometry, RoadFault> {
-    let at = |name| number(road, node, name);
+fn geometry(node: Node<'_, '_>) -> Result<Geometry, String> {
+    let at = |name| number(node, name);
     let (s, heading_rad, length_m) = (at("s")?, at("hdg")?, at("length")?);
     let [x, y] = [at("x")?, at("y")?];
     if !(0.0..=MAX_PIECE_M).contains(&length_m) {
-        let what = format!("<geometry> at s = {s} has a length of {length_m} m");
-        return Err(RoadFault::of(id(road), what));
+        return Err(format!("<geometry> at s = {s} has a length of {length_m} m"));
     }
     let shape = node.children().find(|child| child.is_element() && !child.has_tag_name("userData"));
-    let shape = shape.ok_or_else(|| RoadFault::of(id(road), "a <geometry> has no shape"))?;
-    let (curve, start) = curve(road, shape, length_m)?;
+    let (curve, start) = curve(shape.ok_or("a <geometry> has no shape")?, length_m)?;
     let at = placed([x, y], heading_rad, start);
     Ok(Geometry { s, at, heading_rad, length_m, curve })
 }
 
 /// Shape of a piece, and the offset of its start in the frame of the piece.
-fn curve(
-    road: Node<'_, '_>,
-    shape: Node<'_, '_>,
-    length_m: f64,
-) -> Result<(Curve, [f64; 2]), RoadFault> {
-    let of = |name: &str| number(road, shape, name);
-    let three = |suffix: &str| -> Result<[f64; 3], RoadFault> {
+fn curve(shape: Node<'_, '_>, length_m: f64) -> Result<(Curve, [f64; 2]), String> {
+    let of = |name: &str| number(shape, name);
+    let three = |suffix: &str| -> Result<[f64; 3], String> {
         let of = |letter: &str| of(&format!("{letter}{suffix}"));
         Ok([of("b")?, of("c")?, of("d")?])
     };
-    let offset = |name| number_or_zero(road, shape, name);
+    let offset = |name| number_or_zero(shape, name);
     match shape.tag_name().name() {
         "line" => Ok((Curve::Line, [0.0; 2])),
         "arc" => Ok((Curve::Spiral([of("curvature")?; 2]), [0.0; 2])),
@@ -369,28 +318,23 @@ fn curve(
             let curve = Curve::ParamPoly3 { u: three("U")?, v: three("V")?, most };
             Ok((curve, [offset("aU")?, offset("aV")?]))
         }
-        other => {
-            let what = format!(
-                "a <geometry> has the shape <{}>, expected line, arc, spiral, poly3 or paramPoly3",
-                one_line(other)
-            );
-            Err(RoadFault::of(id(road), what))
-        }
+        other => Err(format!(
+            "a <geometry> has the shape <{}>, expected line, arc, spiral, poly3 or paramPoly3",
+            one_line(other)
+        )),
     }
 }
 
-fn section(road: Node<'_, '_>, node: Node<'_, '_>) -> Result<Section, RoadFault> {
-    let mut section = Section { s: number_or_zero(road, node, "s")?, ..Section::default() };
+fn section(node: Node<'_, '_>) -> Result<Section, String> {
+    let mut section = Section { s: number_or_zero(node, "s")?, ..Section::default() };
     for lane in node.descendants().filter(|node| node.has_tag_name("lane")) {
         let text = lane.attribute("id").unwrap_or_default();
         let number = text.trim().parse::<i32>().map_err(|_| {
-            let what = format!("a <lane> has id={:?}, expected a whole number", one_line(text));
-            RoadFault::of(id(road), what)
+            format!("a <lane> has id={:?}, expected a whole number", one_line(text))
         })?;
-        let widths = cubics(road, Some(lane), "width", "sOffset")?;
+        let widths = cubics(Some(lane), "width", "sOffset")?;
         if section.widths.insert(number, widths).is_some() {
-            let what = format!("the section at s = {} has lane {number} twice", section.s);
-            return Err(RoadFault::of(id(road), what));
+            return Err(format!("the section at s = {} has lane {number} twice", section.s));
         }
     }
     Ok(section)

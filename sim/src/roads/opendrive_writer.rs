@@ -67,32 +67,6 @@ fn length(u: [f64; 3], v: [f64; 3]) -> f64 {
     (0..=STEPS).map(|k| weight(k) * rate(k)).sum::<f64>() / (3.0 * f64::from(STEPS))
 }
 
-/// Link at an end of a road.
-enum Link {
-    None,
-    Junction(usize),
-    /// A street, and true when its start is meant.
-    Street(usize, bool),
-}
-
-impl Link {
-    fn write(&self, text: &mut String, tag: &str) {
-        let _ = match self {
-            Self::None => Ok(()),
-            Self::Junction(id) => {
-                writeln!(text, r#"<{tag} elementType="junction" elementId="{id}"/>"#)
-            }
-            Self::Street(id, begins) => {
-                let contact = if *begins { "start" } else { "end" };
-                writeln!(
-                    text,
-                    r#"<{tag} elementType="road" elementId="{id}" contactPoint="{contact}"/>"#
-                )
-            }
-        };
-    }
-}
-
 /// Lane as written: id, kind, width, mark, and the lanes before and after it.
 struct LaneRecord {
     id: i32,
@@ -106,20 +80,14 @@ struct LaneRecord {
 struct Road {
     id: usize,
     junction: Option<usize>,
-    links: [Link; 2],
+    /// Attributes of the links at its start and at its end; `None` where it leads nowhere.
+    links: [Option<String>; 2],
     cubic: CubicPiece,
     /// Heights of its ends, metres.
     heights_m: [f64; 2],
     lanes: Vec<LaneRecord>,
     middle: &'static str,
     signals: String,
-}
-
-/// Turn through a crossing, for the table of its junction.
-struct Turn {
-    street: usize,
-    road: usize,
-    from: i32,
 }
 
 /// Text of a generated network, the same on every machine.
@@ -139,8 +107,9 @@ pub fn draw_network(style: NetworkStyle, seed: u64) -> String {
         if plan.nodes[node].arms.len() < 2 {
             continue;
         }
-        let turns = junction_roads(&plan, &parameters, node, &mut next, &mut text);
-        junction(&mut junctions, junction_id(&plan, node), &turns);
+        let connections = junction_roads(&plan, &parameters, node, &mut next, &mut text);
+        let id = junction_id(&plan, node);
+        let _ = write!(junctions, "<junction id=\"{id}\" name=\"\">\n{connections}</junction>\n");
     }
     text + &junctions + "</OpenDRIVE>\n"
 }
@@ -161,8 +130,8 @@ fn street(plan: &Plan, parameters: &StyleParameters, style: NetworkStyle, k: usi
     let first = arm_end(plan, ends[0], (k, true));
     let last = arm_end(plan, ends[1], (k, false)).turned();
     let link = |node: usize| match plan.nodes[node].arms.len() {
-        0 | 1 => Link::None,
-        _ => Link::Junction(junction_id(plan, node)),
+        0 | 1 => None,
+        _ => Some(format!(r#"elementType="junction" elementId="{}""#, junction_id(plan, node))),
     };
     let lanes = [1, -1].into_iter().flat_map(|side| {
         parameters.lanes.iter().enumerate().map(move |(n, (kind, width_m))| {
@@ -182,10 +151,7 @@ fn street(plan: &Plan, parameters: &StyleParameters, style: NetworkStyle, k: usi
     });
     let cubic = CubicPiece::between(first, last);
     let lights = [ends[1], ends[0]].map(|node| plan.nodes[node].arms.len() >= 3);
-    let signals = match style {
-        NetworkStyle::Grid => signals(parameters, &cubic, lights, true),
-        _ => signals(parameters, &cubic, lights, false),
-    };
+    let signals = signals(parameters, &cubic, lights, style == NetworkStyle::Grid, k);
     Road {
         id: k,
         junction: None,
@@ -205,6 +171,7 @@ fn signals(
     cubic: &CubicPiece,
     at: [bool; 2],
     is_light: bool,
+    road: usize,
 ) -> String {
     let mut text = String::new();
     let (name, kind, dynamic) =
@@ -214,26 +181,31 @@ fn signals(
     for (n, (s, t, orientation)) in ends.into_iter().enumerate().filter(|(n, _)| at[*n]) {
         let _ = writeln!(
             text,
-            "<signal name=\"{name}\" id=\"{n}\" s=\"{s}\" t=\"{t}\" zOffset=\"2.4\" \
+            "<signal name=\"{name}\" id=\"{}0{n}\" s=\"{s}\" t=\"{t}\" zOffset=\"2.4\" \
              orientation=\"{orientation}\" dynamic=\"{dynamic}\" country=\"OpenDRIVE\" \
-             type=\"{kind}\" subtype=\"-1\" value=\"-1\"/>"
+             type=\"{kind}\" subtype=\"-1\" value=\"-1\"/>",
+            road + 1 // ids are unique in the whole file
         );
     }
     text
 }
 
-/// Writes the roads of one crossing; returns its turns.
+/// Writes the roads of one crossing; returns the connections of its junction.
 fn junction_roads(
     plan: &Plan,
     parameters: &StyleParameters,
     node: usize,
     next: &mut usize,
     text: &mut String,
-) -> Vec<Turn> {
+) -> String {
     let arms = &plan.nodes[node].arms;
     let height_m = plan.nodes[node].height_m;
-    let mut turns = Vec::new();
-    let mut write = |links: [Link; 2], cubic: CubicPiece, lanes: Vec<LaneRecord>| {
+    let (mut connections, mut turns) = (String::new(), 0);
+    let street = |(id, begins): (usize, bool)| {
+        let contact = if begins { "start" } else { "end" };
+        Some(format!(r#"elementType="road" elementId="{id}" contactPoint="{contact}""#))
+    };
+    let mut write = |links: [Option<String>; 2], cubic: CubicPiece, lanes: Vec<LaneRecord>| {
         let junction = Some(junction_id(plan, node));
         let (id, heights_m, signals) = (*next, [height_m; 2], String::new());
         Road { id, junction, links, cubic, heights_m, lanes, middle: "none", signals }.write(text);
@@ -252,9 +224,14 @@ fn junction_roads(
                 mark: "none",
                 links: links.map(Some),
             };
-            let road =
-                write([Link::Street(from.0, from.1), Link::Street(to.0, to.1)], cubic, vec![lane]);
-            turns.push(Turn { street: from.0, road, from: links[0] });
+            let road = write([street(from), street(to)], cubic, vec![lane]);
+            let _ = writeln!(
+                connections,
+                "<connection id=\"{turns}\" incomingRoad=\"{}\" connectingRoad=\"{road}\" \
+                 contactPoint=\"start\"><laneLink from=\"{}\" to=\"-1\"/></connection>",
+                from.0, links[0]
+            );
+            turns += 1;
         }
         // The sidewalk round the corner from this arm to the next one on its left.
         let to = arms[(k + 1) % arms.len()];
@@ -272,26 +249,14 @@ fn junction_roads(
             mark: if n == 0 { "curb" } else { "none" },
             links: [None; 2],
         });
-        write([Link::None, Link::None], cubic, lanes.collect());
+        write([None, None], cubic, lanes.collect());
     }
-    turns
+    connections
 }
 
 /// Lane by which traffic enters a crossing from an arm; it leaves by the other.
 fn incoming((_, begins): (usize, bool)) -> i32 {
     if begins { 1 } else { -1 }
-}
-
-fn junction(text: &mut String, id: usize, turns: &[Turn]) {
-    let _ = writeln!(text, r#"<junction id="{id}" name="">"#);
-    for (k, Turn { street, road, from }) in turns.iter().enumerate() {
-        let _ = writeln!(
-            text,
-            "<connection id=\"{k}\" incomingRoad=\"{street}\" connectingRoad=\"{road}\" \
-             contactPoint=\"start\"><laneLink from=\"{from}\" to=\"-1\"/></connection>"
-        );
-    }
-    text.push_str("</junction>\n");
 }
 
 impl Road {
@@ -304,8 +269,9 @@ impl Road {
             self.id
         );
         text.push_str("<link>\n");
-        self.links[0].write(text, "predecessor");
-        self.links[1].write(text, "successor");
+        for (tag, link) in ["predecessor", "successor"].into_iter().zip(&self.links) {
+            let _ = link.as_ref().map(|link| writeln!(text, "<{tag} {link}/>"));
+        }
         text.push_str("</link>\n<type s=\"0\" type=\"town\"/>\n<planView>\n");
         let ([x, y], [bu, cu, du], [bv, cv, dv]) = (from.at, u, v);
         let _ = writeln!(
@@ -335,9 +301,7 @@ impl Road {
         self.side(text, "right", |id| id < 0);
         text.push_str("</laneSection>\n</lanes>\n");
         if !self.signals.is_empty() {
-            // Ids are unique in the whole file.
-            let signals = self.signals.replace(" id=\"", &format!(" id=\"{}0", self.id + 1));
-            let _ = writeln!(text, "<signals>\n{signals}</signals>");
+            let _ = writeln!(text, "<signals>\n{}</signals>", self.signals);
         }
         text.push_str("</road>\n");
     }
@@ -379,8 +343,8 @@ mod tests {
         for style in STYLES {
             for seed in 0..5 {
                 let network = RoadNetwork::parse("ours", &draw_network(style, seed)).expect("ours");
-                assert_eq!(network.remarks(), [""; 0], "{style:?} {seed}");
-                assert!(network.length_m() > 1500.0, "{style:?} {seed}: {}", network.length_m());
+                assert_eq!(network.remarks, [""; 0], "{style:?} {seed}");
+                assert!(network.length_m > 1500.0, "{style:?} {seed}: {}", network.length_m);
             }
         }
         let [once, again] = [3, 4].map(|seed| draw_network(NetworkStyle::Grid, seed));
@@ -393,11 +357,11 @@ mod tests {
         for style in STYLES {
             let network = RoadNetwork::parse("ours", &draw_network(style, 1)).expect("ours");
             let mut checked = 0;
-            for lane in network.lanes().iter().filter(|lane| lane.kind == LaneKind::Driving) {
+            for lane in network.lanes.iter().filter(|lane| lane.kind == LaneKind::Driving) {
                 assert!(!lane.in_junction || lane.successors.len() == 1, "{lane:?}");
                 let end = if lane.id < 0 { lane.ribs.last() } else { lane.ribs.first() };
                 for next in &lane.successors {
-                    let next = &network.lanes()[*next];
+                    let next = &network.lanes[*next];
                     let start = if next.id < 0 { next.ribs.first() } else { next.ribs.last() };
                     let middle = |rib: Option<&[[f64; 3]; 2]>| {
                         let [a, b] = *rib.expect("two ribs");

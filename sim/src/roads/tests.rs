@@ -59,13 +59,13 @@ fn parse(text: &str) -> Result<RoadNetwork, String> {
 fn a_straight_road_has_lanes_on_both_sides() {
     let network = parse(&straight()).expect("a network");
     assert_eq!((network.name.as_str(), network.roads()), ("town", 1));
-    let kinds: Vec<(i32, LaneKind)> = network.lanes().iter().map(|l| (l.id, l.kind)).collect();
+    let kinds: Vec<(i32, LaneKind)> = network.lanes.iter().map(|l| (l.id, l.kind)).collect();
     assert!(kinds.contains(&(-2, LaneKind::Sidewalk)) && kinds.len() == 3, "{kinds:?}");
     assert_eq!(network.bounds(), ([0.0, -5.5], [40.0, 3.0]));
     let waypoints = network.waypoints(15.0);
     assert_eq!(waypoints.len(), 6);
     for at in waypoints {
-        let lane = &network.lanes()[at.lane];
+        let lane = &network.lanes[at.lane];
         let (y, heading) = if lane.id > 0 { (1.5, std::f64::consts::PI) } else { (-1.75, 0.0) };
         assert!((at.at[1] - y).abs() < 1e-3 && (at.heading_rad - heading).abs() < 1e-9, "{at:?}");
         assert!((at.at[0] - at.s_m).abs() < 1e-3 && (at.width_m - 2.0 * y.abs()).abs() < 1e-3);
@@ -77,7 +77,7 @@ fn elements_may_be_nested_and_user_data_is_not_read() {
     assert!(parse(&nested(62)).is_ok());
     let theirs = r#"<userData s="x"><q hdg="NaN"><q a="-"/></q></userData>"#;
     let kept = straight().replace("</lanes>", &format!("</lanes>{theirs}"));
-    assert_eq!(parse(&kept).map(|network| network.lanes().len()), Ok(3));
+    assert_eq!(parse(&kept).map(|network| network.lanes.len()), Ok(3));
     let message = parse(&kept.replace("userData", "ours")).expect_err("numbers that are none");
     assert!(message.contains("road 7: <ours> has s=\"x\", expected a finite number"), "{message}");
 }
@@ -87,7 +87,7 @@ fn a_piece_without_length_is_skipped() {
     let pieces = r#"<geometry s="0" x="0" y="0" hdg="0" length="40"><line/></geometry>
 <geometry s="40" x="40" y="0" hdg="1" length="0"><line/></geometry>"#;
     let network = parse(&road_of(pieces)).expect("a network");
-    assert_eq!(network.remarks().len(), 1, "{:?}", network.remarks());
+    assert_eq!(network.remarks.len(), 1, "{:?}", network.remarks);
     assert!(network.waypoints(39.9).iter().all(|at| libm::sin(at.heading_rad).abs() < 1e-9));
 }
 
@@ -130,7 +130,7 @@ fn links_that_lead_nowhere_are_remarks() {
     for kind in ["road", "junction"] {
         let network = parse(&linked(kind)).expect("a network");
         let message = format!("road 7: its successor is {kind} \"99\", which is not there");
-        let of_links = network.remarks().iter().filter(|remark| remark.contains("not there"));
+        let of_links = network.remarks.iter().filter(|remark| remark.contains("not there"));
         assert_eq!(of_links.collect::<Vec<_>>(), [&message]);
     }
 }
@@ -149,7 +149,7 @@ fn waypoints_belong_to_the_section_between_whose_ends_they_lie() {
     let network = parse(&text.replace("</lanes>", &format!("{sections}</lanes>"))).expect("one");
     let found = |step_m: f64| -> Vec<(i64, usize)> {
         let ways = network.waypoints(step_m).into_iter();
-        ways.map(|at| ((at.s_m * 10.0).round() as i64, network.lanes()[at.lane].section)).collect()
+        ways.map(|at| ((at.s_m * 10.0).round() as i64, network.lanes[at.lane].section)).collect()
     };
     let expected = [(0, 0), (50, 0), (100, 1), (150, 1), (200, 2), (250, 3), (300, 3), (350, 4)];
     assert_eq!(found(5.0), expected);
@@ -162,7 +162,7 @@ fn an_arc_is_followed() {
     let plan =
         r#"<geometry s="0" x="0" y="0" hdg="0" length="40"><arc curvature="0.02"/></geometry>"#;
     let network = parse(&road_of(plan)).expect("a network");
-    for at in network.waypoints(7.0).iter().filter(|at| network.lanes()[at.lane].id == -1) {
+    for at in network.waypoints(7.0).iter().filter(|at| network.lanes[at.lane].id == -1) {
         // The middle of the right lane is 1.75 m outside a circle of 50 m about (0, 50).
         let [x, y, _] = at.at;
         let radius = (x * x + (y - 50.0) * (y - 50.0)).sqrt();
@@ -354,7 +354,7 @@ fn waypoints_of_carlas_towns_equal_those_of_carla() {
         let ours = network.waypoints(10.0);
         assert_eq!(ours.len(), oracle.len(), "{town}");
         let key = |at: &Waypoint| {
-            let lane = &network.lanes()[at.lane];
+            let lane = &network.lanes[at.lane];
             (lane.road.clone(), lane.section, lane.id, (at.s_m * 1e3).round() as i64)
         };
         let ours: std::collections::HashMap<_, _> = ours.iter().map(|at| (key(at), at)).collect();

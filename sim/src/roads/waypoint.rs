@@ -30,13 +30,13 @@ impl RoadNetwork {
     /// the road: CARLA's `generate_waypoints`.
     #[must_use]
     pub fn waypoints(&self, step_m: f64) -> Vec<Waypoint> {
-        let indices = 0..self.lanes().len();
-        let driven = indices.filter(|&k| self.lanes()[k].kind == LaneKind::Driving);
+        let indices = 0..self.lanes.len();
+        let driven = indices.filter(|&k| self.lanes[k].kind == LaneKind::Driving);
         driven.flat_map(|k| self.along(k, step_m)).collect()
     }
 
     fn along(&self, index: usize, step_m: f64) -> Vec<Waypoint> {
-        let lane = &self.lanes()[index];
+        let lane = &self.lanes[index];
         let profile = &self.profiles[lane.profile];
         let step_m = step_m.max(0.01);
         // Candidates around the section; the exact s decides which lie in it.
@@ -52,7 +52,7 @@ impl RoadNetwork {
     /// Waypoint of a lane at `s`; `None` beyond its ends.
     #[must_use]
     pub fn waypoint(&self, index: usize, s: f64) -> Option<Waypoint> {
-        let lane = self.lanes().get(index)?;
+        let lane = self.lanes.get(index)?;
         let profile = &self.profiles[lane.profile];
         let along = profile.heading(s) + profile.drift(lane.section, lane.id, s);
         let (turned, sign) = if lane.id > 0 { (along + PI, -1.0) } else { (along, 1.0) };
@@ -69,7 +69,7 @@ impl RoadNetwork {
     /// Waypoint at which traffic enters a lane.
     #[must_use]
     pub fn entry(&self, index: usize) -> Option<Waypoint> {
-        let lane = self.lanes().get(index)?;
+        let lane = self.lanes.get(index)?;
         self.waypoint(index, entry_s(lane))
     }
 
@@ -77,7 +77,7 @@ impl RoadNetwork {
     /// `get_topology`.
     #[must_use]
     pub fn topology(&self) -> Vec<[Waypoint; 2]> {
-        let lanes = self.lanes().iter().enumerate();
+        let lanes = self.lanes.iter().enumerate();
         let driven = lanes.filter(|(_, lane)| lane.kind == LaneKind::Driving);
         let pairs =
             driven.flat_map(|(from, lane)| lane.successors.iter().map(move |to| (from, *to)));

@@ -6,14 +6,13 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use thiserror::Error;
 
 use super::landscape::{self, Landscape};
 use super::town::{self, Dressing};
 use super::{Placement, Scene, SceneKind};
-use crate::roads::{NetworkStyle, RoadFault, RoadNetwork, RoadsError, draw_network, load_network};
+use crate::roads::{NetworkStyle, RoadNetwork, RoadsError, draw_network, load_network};
 
 /// Largest side of a town on roads, metres: one scan sees 120 m.
 const MAX_SIDE_M: f64 = 2500.0;
@@ -58,6 +57,19 @@ enum TownSource {
     Landscape(Landscape, u64),
 }
 
+/// Name, environment and source of each town, in the order of [`Town`].
+const TOWNS: [(&str, SceneKind, TownSource); 9] = [
+    ("town01", SceneKind::Structured, TownSource::Carla("Town01.xodr")),
+    ("town10hd", SceneKind::Structured, TownSource::Carla("Town10HD.xodr")),
+    ("old-town", SceneKind::Structured, TownSource::Generated(NetworkStyle::Grid, 1)),
+    ("town07", SceneKind::SemiStructured, TownSource::Carla("Town07.xodr")),
+    ("garden-suburb", SceneKind::SemiStructured, TownSource::Generated(NetworkStyle::Suburb, 1)),
+    ("hillside", SceneKind::SemiStructured, TownSource::Generated(NetworkStyle::Hillside, 1)),
+    ("forest-hills", SceneKind::Unstructured, TownSource::Landscape(Landscape::Forest, 1)),
+    ("rocky-valley", SceneKind::Unstructured, TownSource::Landscape(Landscape::Valley, 1)),
+    ("lake-shore", SceneKind::Unstructured, TownSource::Landscape(Landscape::Lake, 1)),
+];
+
 impl Town {
     /// All nine: three structured, three semi-structured, three unstructured.
     pub const ALL: [Self; 9] = [
@@ -72,30 +84,22 @@ impl Town {
         Self::LakeShore,
     ];
 
+    /// Town by its name on the command line.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|town| town.name() == name)
+    }
+
     /// Name on the command line and in reports.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Town01 => "town01",
-            Self::Town10Hd => "town10hd",
-            Self::OldTown => "old-town",
-            Self::Town07 => "town07",
-            Self::GardenSuburb => "garden-suburb",
-            Self::Hillside => "hillside",
-            Self::ForestHills => "forest-hills",
-            Self::RockyValley => "rocky-valley",
-            Self::LakeShore => "lake-shore",
-        }
+        TOWNS[self as usize].0
     }
 
     /// Environment of the paper that it belongs to.
     #[must_use]
     pub const fn kind(self) -> SceneKind {
-        match self {
-            Self::Town01 | Self::Town10Hd | Self::OldTown => SceneKind::Structured,
-            Self::Town07 | Self::GardenSuburb | Self::Hillside => SceneKind::SemiStructured,
-            Self::ForestHills | Self::RockyValley | Self::LakeShore => SceneKind::Unstructured,
-        }
+        TOWNS[self as usize].1
     }
 
     /// The three towns of a kind.
@@ -105,18 +109,8 @@ impl Town {
         [0, 1, 2].map(|k| Self::ALL[first + k])
     }
 
-    const fn source(self) -> TownSource {
-        match self {
-            Self::Town01 => TownSource::Carla("Town01.xodr"),
-            Self::Town10Hd => TownSource::Carla("Town10HD.xodr"),
-            Self::OldTown => TownSource::Generated(NetworkStyle::Grid, 1),
-            Self::Town07 => TownSource::Carla("Town07.xodr"),
-            Self::GardenSuburb => TownSource::Generated(NetworkStyle::Suburb, 1),
-            Self::Hillside => TownSource::Generated(NetworkStyle::Hillside, 1),
-            Self::ForestHills => TownSource::Landscape(Landscape::Forest, 1),
-            Self::RockyValley => TownSource::Landscape(Landscape::Valley, 1),
-            Self::LakeShore => TownSource::Landscape(Landscape::Lake, 1),
-        }
+    const fn source(self) -> &'static TownSource {
+        &TOWNS[self as usize].2
     }
 
     /// File of its roads below the folder `ECHOLOOP_DATA`, for the towns of CARLA only.
@@ -132,7 +126,7 @@ impl Town {
     #[must_use]
     pub fn drawn(self) -> Option<String> {
         match self.source() {
-            TownSource::Generated(style, seed) => Some(draw_network(style, seed)),
+            TownSource::Generated(style, seed) => Some(draw_network(*style, *seed)),
             _ => None,
         }
     }
@@ -143,22 +137,6 @@ impl fmt::Display for Town {
         f.pad(self.name())
     }
 }
-
-impl FromStr for Town {
-    type Err = UnknownTown;
-
-    fn from_str(name: &str) -> Result<Self, Self::Err> {
-        Self::ALL.into_iter().find(|town| town.name() == name).ok_or(UnknownTown)
-    }
-}
-
-/// Error of a name that is no [`Town`].
-#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-#[error(
-    "expected town01, town10hd, old-town, town07, garden-suburb, hillside, forest-hills, \
-     rocky-valley or lake-shore"
-)]
-pub struct UnknownTown;
 
 /// Reason why a town cannot be built.
 #[derive(Debug, Error)]
@@ -186,7 +164,7 @@ pub enum TownError {
         /// The file.
         path: PathBuf,
         /// The fault.
-        fault: RoadFault,
+        fault: String,
     },
     /// Unstructured scenes have no roads.
     #[error("a road network is dressed as structured or semi-structured, not as unstructured")]
@@ -203,11 +181,15 @@ pub fn build_town(town: Town, data: Option<&Path>) -> Result<Scene, TownError> {
     let of_roads = |network: &RoadNetwork| build_on_roads(name.clone(), network, town.kind(), 1);
     match town.source() {
         TownSource::Landscape(landscape, seed) => {
-            let (mesh, area) = landscape::build(landscape, seed);
+            let (mesh, area) = landscape::build(*landscape, *seed);
             Ok(Scene::new(name, mesh, area))
         }
-        TownSource::Generated(..) => {
-            of_roads(&parse_generated(town, &town.drawn().unwrap_or_default())?)
+        TownSource::Generated(style, seed) => {
+            let network = RoadNetwork::parse(&name, &draw_network(*style, *seed));
+            of_roads(
+                &network
+                    .map_err(|fault| RoadsError::Malformed { path: town.name().into(), fault })?,
+            )
         }
         TownSource::Carla(file) => {
             let found = town.file(data);
@@ -236,16 +218,11 @@ fn load_bounded(path: &Path) -> Result<RoadNetwork, TownError> {
     let fault = match (network.check_reach(MAX_REACH_M), side_m <= MAX_SIDE_M) {
         (Ok(()), true) => return Ok(network),
         (Err(fault), _) => fault,
-        (_, false) => RoadFault::Format(format!(
-            "it is {side_m:.0} m wide, more than {MAX_SIDE_M:.0} m: cut out a part of it"
-        )),
+        (_, false) => {
+            format!("it is {side_m:.0} m wide, more than {MAX_SIDE_M:.0} m: cut out a part of it")
+        }
     };
     Err(TownError::Unfit { path: path.into(), fault })
-}
-
-fn parse_generated(town: Town, text: &str) -> Result<RoadNetwork, RoadsError> {
-    RoadNetwork::parse(town.name(), text)
-        .map_err(|fault| RoadsError::Malformed { path: town.name().into(), fault })
 }
 
 fn build_on_roads(
@@ -281,10 +258,10 @@ mod tests {
             assert_eq!(Town::of_kind(kind).map(Town::kind), [kind; 3]);
         }
         for town in Town::ALL {
-            assert_eq!(town.to_string().parse(), Ok(town));
-            assert!(town.name().parse::<SceneKind>().is_err());
+            assert_eq!(Town::named(&town.to_string()), Some(town));
+            assert_eq!(SceneKind::named(town.name()), None);
         }
-        assert_eq!("town1".parse::<Town>(), Err(UnknownTown));
+        assert_eq!(Town::named("town1"), None);
     }
 
     #[test]

@@ -77,24 +77,11 @@ pub(crate) type End = (Point, f64);
 /// Builder of a mesh.
 #[derive(Debug, Default)]
 pub(crate) struct Builder {
-    mesh: Mesh,
+    /// Mesh so far.
+    pub(crate) mesh: Mesh,
 }
 
 impl Builder {
-    pub(crate) fn finish(self) -> Mesh {
-        self.mesh
-    }
-
-    /// Number of triangles so far.
-    pub(crate) fn triangles(&self) -> usize {
-        self.mesh.triangles.len()
-    }
-
-    /// Number of vertices so far.
-    pub(crate) fn vertices(&self) -> usize {
-        self.mesh.vertices.len()
-    }
-
     fn vertex(&mut self, p: Point) -> u32 {
         self.mesh.vertices.push(p.map(|x| x as f32));
         self.mesh.vertices.len() as u32 - 1

@@ -54,7 +54,7 @@ pub(crate) fn generate(seed: u64) -> (Mesh, f32) {
     }
     suburb.commons(&mut b, &mut rng);
     suburb.tufts(&mut b, &mut rng);
-    (b.finish(), (HALF_M - RIM_M) as f32)
+    (b.mesh, (HALF_M - RIM_M) as f32)
 }
 
 impl Suburb {

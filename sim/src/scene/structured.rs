@@ -27,5 +27,5 @@ pub(crate) fn generate(seed: u64) -> (Mesh, f32) {
             }
         }
     }
-    (b.finish(), (HALF_M - RIM_M) as f32)
+    (b.mesh, (HALF_M - RIM_M) as f32)
 }

@@ -32,7 +32,7 @@ pub(crate) fn generate(seed: u64) -> (Mesh, f32) {
     country.trees(&mut b, &mut rng);
     country.fallen(&mut b, &mut rng);
     country.scatter(&mut b, &mut rng);
-    (b.finish(), (HALF_M - RIM_M) as f32)
+    (b.mesh, (HALF_M - RIM_M) as f32)
 }
 
 impl Country {

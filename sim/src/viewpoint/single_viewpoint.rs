@@ -31,7 +31,7 @@ pub enum Footing {
     /// Ground below a canopy or a roof.
     Covered,
     /// The uppermost surface, with ground below it: a crown, a roof, a bridge.
-    Aloft,
+    Top,
 }
 
 /// Order of the search: a footing, and true where enough structure must be in view.
@@ -40,7 +40,7 @@ const SEARCH_ORDER: [(Footing, bool); 5] = [
     (Footing::Covered, true),
     (Footing::Open, false),
     (Footing::Covered, false),
-    (Footing::Aloft, false),
+    (Footing::Top, false),
 ];
 
 /// Viewpoint of a single sensor.
@@ -62,7 +62,7 @@ pub struct Standpoint {
 /// # Errors
 ///
 /// [`ViewpointError`] when the plan makes no sense or no place is fit.
-pub fn stand_alone(
+pub fn find_standpoint(
     scene: &Scene,
     caster: &Raycaster,
     plan: &PairPlan,
@@ -80,8 +80,9 @@ pub fn stand_alone(
             }
             let sees_enough = search.structure(seen, candidate.headings[0]) >= STRUCTURE_SHARE;
             // Last, because it visits the whole mesh.
-            let aloft = || search.ground.is_aloft(scene, caster, at, eye[2] - plan.height_m);
-            if (sees_enough || !must_see) && (footing == Footing::Aloft || !aloft()) {
+            let off_ground =
+                || search.ground.is_not_ground(scene, caster, at, eye[2] - plan.height_m);
+            if (sees_enough || !must_see) && (footing == Footing::Top || !off_ground()) {
                 let world_from_sensor = pose(eye, candidate.headings[0], candidate.tilts[0]);
                 return Ok(Standpoint { world_from_sensor, footing, sees_enough });
             }
@@ -98,7 +99,7 @@ impl PairSearch<'_> {
         let ground = |at| self.ground.lowest(scene, self.caster, at);
         let z = match footing {
             Footing::Covered => ground(at).filter(|z| is_level(ground, at, *z))?,
-            Footing::Open | Footing::Aloft => self.ground.footing(self.caster, at)?,
+            Footing::Open | Footing::Top => self.ground.footing(self.caster, at)?,
         };
         Some([at[0], at[1], z + self.plan.height_m])
     }
@@ -111,23 +112,27 @@ impl PairSearch<'_> {
                 let covered = self.caster.cast(eye, [0.0, 0.0, 1.0]).is_some();
                 stands && covered && self.is_clear_sideways(self.caster, eye)
             }
-            Footing::Open | Footing::Aloft => self.is_clear(self.caster, eye),
+            Footing::Open | Footing::Top => self.is_clear(self.caster, eye),
         }
     }
 }
 
 /// True when a sensor stands on something other than ground: a crown, a roof, a bridge.
-pub fn stands_aloft(scene: &Scene, caster: &Raycaster, world_from_sensor: &Isometry3<f64>) -> bool {
+pub fn stands_off_ground(
+    scene: &Scene,
+    caster: &Raycaster,
+    world_from_sensor: &Isometry3<f64>,
+) -> bool {
     let [x, y, z]: [f64; 3] = world_from_sensor.translation.vector.into();
     let down = caster.cast([x, y, z].map(|x| x as f32), [0.0, 0.0, -1.0]);
     let z = down.map(|hit| z - f64::from(hit.range_m));
-    z.is_some_and(|z| GroundMap::new(scene).is_aloft(scene, caster, [x, y], z))
+    z.is_some_and(|z| GroundMap::new(scene).is_not_ground(scene, caster, [x, y], z))
 }
 
 impl GroundMap {
     /// True when a surface at height `z` is no ground: there is ground below it, too many vertices
     /// around it lie below its possible ground, or too little surface is around it.
-    fn is_aloft(&self, scene: &Scene, caster: &Raycaster, at: [f64; 2], z: f64) -> bool {
+    fn is_not_ground(&self, scene: &Scene, caster: &Raycaster, at: [f64; 2], z: f64) -> bool {
         let below = self.lowest(scene, caster, at);
         below.is_some_and(|ground| z - ground > ABOVE_GROUND_M)
             || share_below(scene, at, z) > MAX_BELOW

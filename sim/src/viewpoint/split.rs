@@ -1,8 +1,5 @@
 //! Split of a place into parts for training and for test viewpoints.
 
-use std::fmt;
-use std::str::FromStr;
-
 /// Part of the viewpoints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Split {
@@ -10,27 +7,6 @@ pub enum Split {
     Train = 0,
     /// Viewpoints of the test: the rest.
     Test = 1,
-}
-
-impl fmt::Display for Split {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Train => "train",
-            Self::Test => "test",
-        })
-    }
-}
-
-impl FromStr for Split {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, Self::Err> {
-        match name {
-            "train" => Ok(Self::Train),
-            "test" => Ok(Self::Test),
-            _ => Err(format!("unknown split `{name}`: expected train or test")),
-        }
-    }
 }
 
 /// Square cells: one in four of every row is for training, in a column that changes from row to

@@ -186,45 +186,48 @@ fn both(
     mesh_scene(vertices, triangles)
 }
 
-fn alone_in(scene: &Scene) -> (Standpoint, bool) {
+fn placed_in(scene: &Scene) -> (Standpoint, bool) {
     let caster = Raycaster::new(scene);
     let plan = PairPlan::default();
     sample_pairs(scene, &caster, &plan).expect_err("no pair fits");
-    let standpoint = stand_alone(scene, &caster, &plan).expect("a place for one");
-    (standpoint, stands_aloft(scene, &caster, &standpoint.world_from_sensor))
+    let standpoint = find_standpoint(scene, &caster, &plan).expect("a place for one");
+    (standpoint, stands_off_ground(scene, &caster, &standpoint.world_from_sensor))
 }
 
 #[test]
 fn a_single_sensor_stands_on_open_ground_without_structure_in_view() {
     let (vertices, triangles) = sheet(40, 0.5);
-    let (standpoint, aloft) = alone_in(&mesh_scene(vertices, triangles));
-    assert_eq!((standpoint.footing, standpoint.sees_enough, aloft), (Footing::Open, false, false));
+    let (standpoint, off_ground) = placed_in(&mesh_scene(vertices, triangles));
+    assert_eq!(
+        (standpoint.footing, standpoint.sees_enough, off_ground),
+        (Footing::Open, false, false)
+    );
     assert!((standpoint.world_from_sensor.translation.vector.z - 2.5).abs() < 1e-6);
 }
 
 #[test]
 fn a_single_sensor_stands_on_the_ground_below_a_canopy_and_not_on_it() {
     let scene = both(sheet(40, 0.0), sheet(40, 4.0));
-    let (standpoint, aloft) = alone_in(&scene);
-    assert_eq!((standpoint.footing, aloft), (Footing::Covered, false));
+    let (standpoint, off_ground) = placed_in(&scene);
+    assert_eq!((standpoint.footing, off_ground), (Footing::Covered, false));
     assert!((standpoint.world_from_sensor.translation.vector.z - 2.0).abs() < 1e-6);
     let above = Isometry3::translation(0.3, 0.4, 6.0);
-    assert!(stands_aloft(&scene, &Raycaster::new(&scene), &above), "on the canopy");
+    assert!(stands_off_ground(&scene, &Raycaster::new(&scene), &above), "on the canopy");
     // Under a canopy of 1.5 m no sensor fits: it stands on it, and is reported so.
-    let (standpoint, aloft) = alone_in(&both(sheet(40, 0.0), sheet(40, 1.5)));
-    assert_eq!((standpoint.footing, aloft), (Footing::Aloft, true));
+    let (standpoint, off_ground) = placed_in(&both(sheet(40, 0.0), sheet(40, 1.5)));
+    assert_eq!((standpoint.footing, off_ground), (Footing::Top, true));
 }
 
 #[test]
-fn a_sensor_on_a_crown_without_ground_around_it_is_aloft() {
+fn a_sensor_on_a_crown_without_ground_around_it_is_not_ground() {
     let (vertices, triangles) = sheet(4, 7.0);
-    let (standpoint, aloft) = alone_in(&mesh_scene(vertices, triangles));
-    assert_eq!((standpoint.footing, aloft), (Footing::Aloft, true));
+    let (standpoint, off_ground) = placed_in(&mesh_scene(vertices, triangles));
+    assert_eq!((standpoint.footing, off_ground), (Footing::Top, true));
     // A slab is ground, because its underside faces down.
     let (vertices, triangles) = sheet(40, -3.0);
     let under = triangles.into_iter().map(|[a, b, c]| [a, c, b]).collect();
     let slab = both(sheet(40, 0.0), (vertices, under));
-    let z = stand_alone(&slab, &Raycaster::new(&slab), &PairPlan::default())
+    let z = find_standpoint(&slab, &Raycaster::new(&slab), &PairPlan::default())
         .expect("a place")
         .world_from_sensor
         .translation
@@ -236,7 +239,7 @@ fn a_sensor_on_a_crown_without_ground_around_it_is_aloft() {
 #[test]
 fn a_speck_without_room_for_a_sensor_is_refused() {
     let speck = mesh_scene(vec![[0.0; 3], [0.01, 0.0, 0.0], [0.0, 0.01, 0.0]], vec![[0, 1, 2]]);
-    let error = stand_alone(&speck, &Raycaster::new(&speck), &PairPlan::default())
+    let error = find_standpoint(&speck, &Raycaster::new(&speck), &PairPlan::default())
         .expect_err("nowhere")
         .to_string();
     assert!(error.starts_with("mesh has no place where a sensor could stand, after"), "{error}");

@@ -105,7 +105,7 @@ impl BitTrue {
         let choices = settings.choices().expect("accepted settings have valid choices");
         let template = Template::new(choices.denoise, width_ps, period_fs as u32);
         let taps: Vec<f64> = template.taps().iter().map(|&h| f64::from(h)).collect();
-        let peak_gain = f64::from(template.peak_gain());
+        let peak_gain = f64::from(template.peak_gain);
         let shots = f64::from(settings.shots);
         // A sum has b + log₂ m bits, of which at most 14 stay.
         let bits = hardware.adc_bits as i32 + shots.log2() as i32;
@@ -132,15 +132,15 @@ impl BitTrue {
             snr_threshold: nearest(f64::from(settings.snr_threshold_milli) * 256.0 / 1e3),
             upsampling: settings.upsampling.into(),
             timing: choices.timing,
-            timing_gain: config.timing().gain().into(),
-            shot_share: config.timing().shot_share().into(),
-            timing_bias: config.timing().bias().into(),
-            timing_offset: config.timing().offset() as f64,
-            broad: config.timing().broad() as f64,
+            timing_gain: config.timing.gain.into(),
+            shot_share: config.timing.shot_share.into(),
+            timing_bias: config.timing.bias.into(),
+            timing_offset: config.timing.offset as f64,
+            broad: config.timing.broad as f64,
             pulse: Pulse::new(width_ps.into(), period_fs),
             reach: Template::sin_squared(width_ps, period_fs as u32).half(),
-            shot_noise: config.shot_noise().into(),
-            reflectivity_scale: config.reflectivity_scale(),
+            shot_noise: config.shot_noise.into(),
+            reflectivity_scale: config.reflectivity_scale,
             min_separation: (separation_um * two_to(24) / (range_step * 1e3)).floor().max(1.0),
             echoes: settings.echoes as usize,
             choice: choices.echoes,

@@ -102,7 +102,7 @@ fn highest(values: &[f64]) -> f64 {
 
 /// Width of the pulse, samples, and the index of the filter to measure through.
 fn scale(bank: &[Template], x: &[f64], sigma: f64, pulse: Option<f64>) -> (f64, usize) {
-    let gain = |t: &Template| f64::from(t.noise_gain());
+    let gain = |t: &Template| f64::from(t.noise_gain);
     let pulse = pulse.unwrap_or_else(|| {
         let fits = |&&width: &&u32| width == 2 || 2 * width as usize <= x.len();
         let widths: Vec<u32> = WIDTHS.iter().take_while(fits).copied().collect();
@@ -404,9 +404,7 @@ impl<'a> Seen<'a> {
     fn new(record: &'a Record<'a>) -> Self {
         let (y, gain) = match record.view {
             0 => (record.x.clone(), 32_768.0),
-            _ => {
-                (filtered(&taps(&record.narrow), &record.x), f64::from(record.narrow.noise_gain()))
-            }
+            _ => (filtered(&taps(&record.narrow), &record.x), f64::from(record.narrow.noise_gain)),
         };
         let prominence = nearest(record.sigma * gain / 262_144.0).max(1.0);
         Self { record, top: highest(&y), y, prominence }
@@ -458,7 +456,7 @@ impl<'a> Seen<'a> {
     /// Height of a top before the filter lowered it.
     fn height(&self, top: &Top) -> f64 {
         let Record { narrow, view, pulse, .. } = self.record;
-        let inverse = (536_870_912.0 / f64::from(narrow.peak_gain())).floor().min(65_535.0);
+        let inverse = (536_870_912.0 / f64::from(narrow.peak_gain)).floor().min(65_535.0);
         match *view > 0 && f64::from(WIDTHS[*view]) >= *pulse {
             true => nearest(top.height * inverse / 16_384.0),
             false => top.height,

@@ -222,7 +222,7 @@ fn clipped_echoes_are_timed_as_well_as_whole_ones_while_both_edges_show() {
         for (saturation_ppm, overdrive) in [1_000_000, 500_000].into_iter().flat_map(overdrives) {
             let settings = Settings { bins, saturation_ppm, ..Settings::default() };
             let mut bench = Bench::new(settings, Hardware::REFERENCE);
-            let level = f64::from(bench.pipeline.config().clip_code());
+            let level = f64::from(bench.pipeline.config().clip_code);
             if overdrive <= deepest {
                 let (mean, worst) = bench.bias(overdrive * level);
                 assert!(worst < worst_mm, "A/S {overdrive} at {bins} bins: {worst} mm");
@@ -242,7 +242,7 @@ fn clipped_echoes_with_edges_between_samples_are_unbiased_with_an_honest_sigma()
         for (saturation_ppm, overdrive) in [1_000_000, 500_000].into_iter().flat_map(overdrives) {
             let settings = Settings { bins, saturation_ppm, ..Settings::default() };
             let mut bench = Bench::new(settings, Hardware::REFERENCE);
-            let level = f64::from(bench.pipeline.config().clip_code());
+            let level = f64::from(bench.pipeline.config().clip_code);
             let (mean, worst) = bench.bias(overdrive * level);
             let case = format!("A/S {overdrive} at {bins} bins");
             assert!(mean.abs() < 0.15, "{case}: mean {mean} mm");

@@ -64,57 +64,33 @@ fn models(echoes: &Echoes) -> Vec<bit_true::Echo> {
 fn constants_equal_their_models() {
     for seed in 0..SEEDS {
         let (case, config, model) = set_up(seed);
-        assert_eq!(
-            f64::from(config.clip_code()),
+        let ours: [f64; 11] = [
+            config.clip_code.into(),
+            config.floor.into(),
+            config.min_separation.into(),
+            config.sample_period_fs.into(),
+            config.range_step as f64,
+            config.template.noise_gain.into(),
+            config.shots.into(),
+            f64::from(1 << config.sum_shift),
+            f64::from(1 << config.code_shift),
+            config.samples as f64,
+            (config.codes() - config.samples) as f64,
+        ];
+        let theirs = [
             model.clip_code,
-            "seed {seed}: {:?}",
-            case.settings
-        );
-        assert_eq!(f64::from(config.floor()), model.floor, "seed {seed}: {:?}", case.settings);
-        assert_eq!(
-            f64::from(config.min_separation()),
+            model.floor,
             model.min_separation,
-            "seed {seed}: {:?}",
-            case.settings
-        );
-        assert_eq!(
-            f64::from(config.sample_period_fs()),
             model.period_fs,
-            "seed {seed}: {:?}",
-            case.settings
-        );
-        assert_eq!(
-            config.range_step() as f64,
             model.range_step,
-            "seed {seed}: {:?}",
-            case.settings
-        );
-        assert_eq!(
-            f64::from(config.template().noise_gain()),
             model.noise_gain,
-            "seed {seed}: {:?}",
-            case.settings
-        );
-        assert_eq!(f64::from(config.shots()), model.shots, "seed {seed}: {:?}", case.settings);
-        assert_eq!(
-            f64::from(1 << config.sum_shift()),
+            model.shots,
             model.sum_divisor,
-            "seed {seed}: {:?}",
-            case.settings
-        );
-        assert_eq!(
-            f64::from(1 << config.code_shift()),
             model.code,
-            "seed {seed}: {:?}",
-            case.settings
-        );
-        let codes = [config.samples(), config.codes() - config.samples()];
-        assert_eq!(
-            codes,
-            [case.settings.bins as usize, model.pre_trigger],
-            "seed {seed}: {:?}",
-            case.settings
-        );
+            case.settings.bins.into(),
+            model.pre_trigger as f64,
+        ];
+        assert_eq!(ours, theirs, "seed {seed}: {:?}", case.settings);
     }
 }
 
@@ -129,7 +105,7 @@ fn summed_shots_equal_their_model_and_begin_anew() {
             accumulator.add(shot, codes);
         }
         let room = codes.len() - 3;
-        accumulator.read(config.sum_shift(), &mut codes[..room]);
+        accumulator.read(config.sum_shift, &mut codes[..room]);
         assert_eq!(codes[..room], model.accumulate(&shots), "seed {seed}: {:?}", case.settings);
         assert_eq!(codes[room..], [1; 3], "seed {seed}");
     }
@@ -165,7 +141,7 @@ fn statistics_equal_their_model_whatever_the_guess() {
     let mut last = Statistics::default();
     for seed in 0..SEEDS {
         let (case, config, model) = set_up(seed);
-        let shift = config.code_shift();
+        let shift = config.code_shift;
         let codes = case.split().1;
         let mut rng = vectors::rng(seed);
         let random =
@@ -186,15 +162,15 @@ fn the_ambient_of_every_estimator_equals_its_model() {
     for seed in 0..SEEDS {
         let (case, config, model) = set_up(seed);
         let (before, codes) = case.split();
-        let statistics = Portable.statistics(codes, config.code_shift(), &Statistics::default());
+        let statistics = Portable.statistics(codes, config.code_shift, &Statistics::default());
         let mut rng = vectors::rng(seed);
         let fewer = &before[..rng.random_range(0..=before.len())];
         for before in [before, fewer, &[]] {
             let ours = statistics.with_ambient(
                 case.settings.choices().unwrap().ambient,
                 before,
-                config.code_shift(),
-                config.black(),
+                config.code_shift,
+                config.black,
             );
             assert_eq!(
                 bit_true::Statistics::from(ours),
@@ -214,15 +190,13 @@ fn the_baseline_equals_its_model() {
         let ambient = match seed % 3 {
             0 => vectors::rng(seed).random_range(-40_000..=40_000), // saturates
             _ => {
-                Portable
-                    .statistics(&case.codes, config.code_shift(), &Statistics::default())
-                    .ambient
+                Portable.statistics(&case.codes, config.code_shift, &Statistics::default()).ambient
             }
         };
         let saturated = Statistics { ambient, ..Statistics::default() }.ambient_q15();
         let mut x = vec![0; case.codes.len()];
-        baseline::remove(&case.codes, config.clip_code(), config.code_shift(), saturated, &mut x);
-        if let Some(ramp) = config.ramp() {
+        baseline::remove(&case.codes, config.clip_code, config.code_shift, saturated, &mut x);
+        if let Some(ramp) = config.ramp.as_ref() {
             let near = Near { ramp, config, ambient: saturated };
             near.remove_baseline(&case.codes, 0..ramp.samples(), &mut x);
         }
@@ -242,7 +216,7 @@ fn the_filter_equals_its_model_over_the_whole_scale_of_samples() {
         if seed % 8 == 0 {
             x.fill([i16::MIN, i16::MAX][rng.random_range(0..2)]);
         }
-        let template = config.template();
+        let template = &config.template;
         let mut padded = vec![0; template.half()];
         padded.extend(&x);
         padded.resize(padded.len() + template.half() + PADDING, 0);
@@ -258,7 +232,7 @@ fn statistics_and_filter_inside_the_pipeline_equal_their_models_in_both_builds()
     for seed in 0..SEEDS {
         let (case, config, model) = set_up(seed);
         let mut case = case.clone();
-        case.codes.truncate(config.codes() - config.samples() + echoloop_dsp::MAX_SAMPLES);
+        case.codes.truncate(config.codes() - config.samples + echoloop_dsp::MAX_SAMPLES);
         let pipeline = Pipeline::new(&case.settings, &case.hardware).unwrap();
         let (before, codes) = case.split();
         let statistics = model.with_ambient(model.statistics(model.of_full_gain(codes)), before);
@@ -280,8 +254,7 @@ fn thresholds_equal_their_model() {
     for seed in 0..SEEDS {
         let (case, config, model) = set_up(seed);
         let mut rng = vectors::rng(seed);
-        let measured =
-            Portable.statistics(&case.codes, config.code_shift(), &Statistics::default());
+        let measured = Portable.statistics(&case.codes, config.code_shift, &Statistics::default());
         let any = Statistics { sigma: rng.random::<u32>() >> rng.random_range(4..32), ..measured };
         for statistics in [measured, any, Statistics::default()] {
             let ours = Threshold::new(config, &statistics);
@@ -464,7 +437,7 @@ fn refined_peaks_equal_their_models() {
         let (_, config, model) = set_up(seed);
         let (y, level) = vectors::output(seed);
         let mut rng = vectors::rng(seed);
-        let codes = codes_near(config.clip_code(), &y, &mut rng);
+        let codes = codes_near(config.clip_code, &y, &mut rng);
         // f rounds to y. Ripple gives the plateaus of y slopes, or makes f as flat as possible
         // between even and odd values.
         let steepest = rng.random_range(0..4) > 0;
@@ -482,7 +455,7 @@ fn refined_peaks_equal_their_models() {
         };
         let noise = Noise {
             sigma: rng.random::<u32>() >> rng.random_range(12..32),
-            shot: config.shot_noise(),
+            shot: config.shot_noise,
         };
         Portable.peaks(&y, level, &mut found);
         // Sometimes a threshold above the peak, which detection never gives.
@@ -502,7 +475,8 @@ fn refined_peaks_equal_their_models() {
             shots: None,
             level: None,
         };
-        let near = config.ramp().map(|ramp| Near { ramp, config, ambient: threshold.ambient });
+        let near =
+            config.ramp.as_ref().map(|ramp| Near { ramp, config, ambient: threshold.ambient });
         for &peak in found.iter().take(8) {
             let waveform = Waveform { codes: &codes, x: &x, y: &y };
             let refiner = Refiner {
@@ -635,7 +609,7 @@ fn the_pipeline_equals_its_model_on_dithered_shots() {
         let shots: Vec<Vec<u16>> = (0..settings.shots).map(|_| shot()).collect();
         (0..).zip(&shots).for_each(|(shot, codes)| scratch.shots().add(shot, codes));
         let mut codes = vec![0; wave.len()];
-        scratch.shots().read(config.sum_shift(), &mut codes);
+        scratch.shots().read(config.sum_shift, &mut codes);
         let ours = models(&echoloop_kernels::process(&pipeline, &codes, &mut scratch));
         assert_eq!(ours, model.process_shots(&shots), "seed {seed}, {kind:?}, {settings:?}");
         // The single shots have been used up: without them the model has only their sum.

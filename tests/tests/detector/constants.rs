@@ -20,7 +20,7 @@ fn draw(seed: u64) -> (Settings, Hardware, DetectorConfig) {
 
 /// Pulse width in samples, W f_s.
 fn samples_per_width(settings: &Settings, config: &DetectorConfig) -> f64 {
-    f64::from(settings.pulse_width_ps) * 1e3 / f64::from(config.sample_period_fs())
+    f64::from(settings.pulse_width_ps) * 1e3 / f64::from(config.sample_period_fs)
 }
 
 /// Committed taps of one pulse, from the first to the centre.
@@ -70,7 +70,7 @@ fn template_taps_are_the_committed_ones_on_every_machine() {
             golden.taps.iter().chain(golden.taps.iter().rev().skip(1)).copied().collect();
         assert_eq!(template.taps(), mirrored, "{} ps", golden.width_ps);
         assert_eq!(
-            (template.peak_gain(), template.noise_gain()),
+            (template.peak_gain, template.noise_gain),
             (golden.peak_gain, golden.noise_gain)
         );
     }
@@ -81,7 +81,7 @@ fn template_taps_lie_within_one_lsb_and_a_tolerance_of_the_true_shape() {
     const OF_THE_LARGEST_TAP: f64 = 1.5e-3; // micromath's cosine
     for seed in 0..SEEDS {
         let (settings, _, config) = draw(seed);
-        let template = config.template();
+        let template = &config.template;
         let width = samples_per_width(&settings, &config);
         let filter = settings.choices().unwrap().denoise;
         let half = if filter == DenoiseFilter::None { 0 } else { width.ceil() as i32 - 1 };
@@ -106,7 +106,7 @@ fn template_taps_lie_within_one_lsb_and_a_tolerance_of_the_true_shape() {
             (-half..=half).zip(&shapes).map(|(k, s)| s / sum * pulse(k.into(), width)).sum();
         let energy: f64 = shapes.iter().map(|s| s * s).sum();
         for (ours, ideal) in
-            [(template.peak_gain(), height), (template.noise_gain(), energy.sqrt() / sum)]
+            [(template.peak_gain, height), (template.noise_gain, energy.sqrt() / sum)]
         {
             assert!(
                 (f64::from(ours) / 32_768.0 / ideal - 1.0).abs() < 2e-3,
@@ -120,17 +120,17 @@ fn template_taps_lie_within_one_lsb_and_a_tolerance_of_the_true_shape() {
 fn the_timing_stage_s_constants_are_those_of_real_numbers() {
     for seed in 0..SEEDS / 4 {
         let (settings, _, config) = draw(seed);
-        let timing = config.timing();
+        let timing = &config.timing;
         let width = samples_per_width(&settings, &config);
-        let taps = config.template().taps().iter().map(|&h| f64::from(h) / 32_768.0).collect();
+        let taps = config.template.taps().iter().map(|&h| f64::from(h) / 32_768.0).collect();
         let filtered = Filtered::new(taps, width, settings.upsampling);
         let method = settings.choices().unwrap().timing;
         let (gain, share) = filtered.gain_and_share(method);
         for (name, error, bound) in [
-            ("gain", f64::from(timing.gain()) / 65_536.0 / gain - 1.0, 2e-3),
-            ("share", f64::from(timing.shot_share()) / 32_768.0 - share, 1e-4),
-            ("bias", f64::from(timing.bias()) / 32_768.0 - filtered.bias(), 1e-4),
-            ("offset", timing.offset() as f64 / 65_536.0 - filtered.offset(method), 1e-4),
+            ("gain", f64::from(timing.gain) / 65_536.0 / gain - 1.0, 2e-3),
+            ("share", f64::from(timing.shot_share) / 32_768.0 - share, 1e-4),
+            ("bias", f64::from(timing.bias) / 32_768.0 - filtered.bias(), 1e-4),
+            ("offset", timing.offset as f64 / 65_536.0 - filtered.offset(method), 1e-4),
         ] {
             assert!(error.abs() < bound, "seed {seed}: {name} is {error} off, {settings:?}");
         }
@@ -150,8 +150,8 @@ fn shot_noise_and_the_scale_of_reflectivity_are_those_of_real_numbers() {
         let unit = f64::from(hardware.unit_echo_milli.max(1)) / 1e3;
         let per_lsb = f64::powi(2.0, 10 + 64 - 15) * 1e-6 / (unit * power_w * gain);
         for (ours, real, most) in [
-            (f64::from(config.shot_noise()), kappa, f64::from(u32::MAX)),
-            (config.reflectivity_scale() as f64, per_lsb, u64::MAX as f64),
+            (f64::from(config.shot_noise), kappa, f64::from(u32::MAX)),
+            (config.reflectivity_scale as f64, per_lsb, u64::MAX as f64),
         ] {
             let real = real.min(most);
             assert!(

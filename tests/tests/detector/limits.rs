@@ -57,7 +57,7 @@ struct Bench {
 impl Bench {
     fn new(settings: &Settings, hardware: Hardware) -> Self {
         let pipeline = Pipeline::new(settings, &hardware).expect("accepted settings");
-        let period_ns = f64::from(pipeline.config().sample_period_fs()) / 1e6;
+        let period_ns = f64::from(pipeline.config().sample_period_fs) / 1e6;
         let width = f64::from(settings.pulse_width_ps) / 1e3 / period_ns;
         Self {
             hardware,

@@ -64,7 +64,7 @@ fn the_sharpener_and_the_overlapping_echoes_it_finds_equal_their_models() {
         let model = bit_true::split::Sharpener::new(&narrow, lag, strength.into());
         assert_eq!(reals(sharpener.taps()), model.taps, "seed {seed}");
         assert_eq!(
-            (sharpener.lag(), f64::from(sharpener.noise_gain())),
+            (sharpener.lag, f64::from(sharpener.noise_gain)),
             (model.lag, model.noise_gain),
             "seed {seed}"
         );
@@ -220,7 +220,7 @@ fn sensor(rng: &mut ChaCha8Rng, clean: &[(f64, f64)]) -> (usize, usize) {
     let mut y = vec![0; x.len()];
     filter::correlate(template.taps_in_pairs(), &padded, &mut y);
     let sigma = (SIGMA * 16.0) as u32;
-    let level = (4.7 * SIGMA * f64::from(template.noise_gain()) / 32_768.0) as i16;
+    let level = (4.7 * SIGMA * f64::from(template.noise_gain) / 32_768.0) as i16;
     let mut coarse = Peaks::new();
     Portable.peaks(&y, level, &mut coarse);
     (

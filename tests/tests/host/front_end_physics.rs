@@ -17,7 +17,7 @@ use echoloop_sensor::afe::delay_fs;
 use echoloop_sensors::boards::pc::hardware_for;
 use echoloop_sensors::sensor::{Model, Sensor, View};
 use echoloop_sim::raycast::Raycaster;
-use echoloop_sim::scanner::{BeamOptics, Scanner};
+use echoloop_sim::scanner::{self, BeamOptics};
 use echoloop_sim::scene::{MATERIALS, Material, Mesh, Scene};
 use echoloop_tests::moments::mean_and_deviation;
 
@@ -322,7 +322,7 @@ fn results_do_not_depend_on_the_number_of_sub_rays() {
         for subrays in [1, 3, 5, 7, 9] {
             let optics = BeamOptics { subrays, ..BeamOptics::default() };
             let response =
-                Scanner::scan(&caster, &[MATT], &Pose::identity(), &[[1.0, 0.0, 0.0]], &optics);
+                scanner::scan(&caster, &[MATT], &Pose::identity(), &[[1.0, 0.0, 0.0]], &optics);
             let receiver = Receiver { subrays, ..Receiver::default() };
             let mut bench = Bench::new(&receiver, response.of(0));
             let (mean, std) = mean_and_deviation(&bench.ranges_m(SCANS));
@@ -660,7 +660,7 @@ fn a_sensor_that_stands_still_scans_as_without_motion() {
     let scan = |config: &RunConfig| respond_at(config, &place(), &Pose::identity(), 1, &beams);
     let optics = BeamOptics { divergence_mrad: plain.receiver.divergence_mrad, subrays: 1 };
     let arrays: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
-    let at_once = Scanner::scan(&place().caster, MATERIALS, &Pose::identity(), &arrays, &optics);
+    let at_once = scanner::scan(&place().caster, MATERIALS, &Pose::identity(), &arrays, &optics);
     assert_eq!(scan(&plain), at_once);
     for still in [
         Motion { duration_s: 0.1, ..Motion::default() },

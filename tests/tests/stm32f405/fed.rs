@@ -123,10 +123,10 @@ pub(crate) fn on_the_pc(settings: &Settings, waves: &[Vec<u16>]) -> Vec<Echoes> 
     let config = pipeline.config();
     let find = |wave: &Vec<u16>| {
         let mut codes = wave.clone();
-        if config.shots() > 1 {
+        if config.shots > 1 {
             let mut sum = Accumulator::new();
-            (0..config.shots()).for_each(|shot| sum.add(shot, wave));
-            sum.read(config.sum_shift(), &mut codes);
+            (0..config.shots).for_each(|shot| sum.add(shot, wave));
+            sum.read(config.sum_shift, &mut codes);
         }
         echoloop_kernels::process_baseline(&pipeline, &codes, &mut scratch)
     };

@@ -93,7 +93,7 @@ impl Near<'_> {
 
     /// Threshold of an echo at a sample; its level stays that of full gain.
     pub fn threshold(&self, at: usize, noise: &Noise, threshold: &Threshold) -> Threshold {
-        let noise_gain = i64::from(self.config.template.noise_gain());
+        let noise_gain = i64::from(self.config.template.noise_gain);
         let sigma = shift_round(i64::from(noise.sigma) * noise_gain, 15) as u32;
         Threshold { sigma, ambient: self.rest(at), ..*threshold }
     }

@@ -4,7 +4,6 @@ use core::f32::consts::PI;
 use core::fmt;
 
 use super::angle::{exact_unit, unit};
-use super::{Fields, short};
 
 /// Grid of beams, uniform in azimuth and elevation, in the sensor's frame: x ahead, y left, z up.
 ///
@@ -70,17 +69,6 @@ impl Grid {
             angle_deg(column, self.columns, self.azimuth_cdeg),
             angle_deg(row, self.rows, self.elevation_cdeg),
         )
-    }
-
-    pub(super) fn to_words(self) -> Fields {
-        let Self { columns, rows, azimuth_cdeg, elevation_cdeg } = self;
-        let [a, b, c, d] = [columns, rows, azimuth_cdeg, elevation_cdeg].map(u32::from);
-        [a, b, c, d, 0, 0]
-    }
-
-    pub(super) fn from_words([a, b, c, d, ..]: Fields) -> Option<Self> {
-        let (azimuth_cdeg, elevation_cdeg) = (short(c)?, short(d)?);
-        Some(Self { columns: short(a)?, rows: short(b)?, azimuth_cdeg, elevation_cdeg })
     }
 }
 

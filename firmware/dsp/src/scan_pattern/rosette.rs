@@ -3,8 +3,6 @@
 use core::f32::consts::{PI, TAU};
 use core::{f64, fmt};
 
-use super::{Fields, short};
-
 /// Rosette: two prisms turn against each other, and each bends the beam by its angle. After Liu,
 /// Wang, Zhang (Livox), "Low-Cost Retina-Like Robotic Lidars Based on Incommensurable Scanning",
 /// IEEE/ASME Trans. Mechatronics 27, 2022.
@@ -80,17 +78,6 @@ impl Rosette {
     /// Time that the beams of a scan take, s.
     pub fn duration_s(&self) -> f64 {
         f64::from(self.beams) / f64::from(self.rate_hz.max(1))
-    }
-
-    pub(super) fn to_words(self) -> Fields {
-        let [first, second] = self.rotors_rpm.map(i32::cast_unsigned);
-        let [a, b] = self.bends_cdeg.map(u32::from);
-        [self.beams, self.rate_hz, first, second, a, b]
-    }
-
-    pub(super) fn from_words([beams, rate_hz, first, second, a, b]: Fields) -> Option<Self> {
-        let rotors_rpm = [first, second].map(u32::cast_signed);
-        Some(Self { beams, rate_hz, rotors_rpm, bends_cdeg: [short(a)?, short(b)?] })
     }
 }
 

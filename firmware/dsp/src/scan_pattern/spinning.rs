@@ -5,7 +5,6 @@ use core::fmt;
 
 use super::angle::{exact_unit, unit};
 use super::lasers::{HDL_64E, Laser, OS1_64, OS1_128, VLP_16, VLP_32C, VLS_128};
-use super::{Fields, short};
 
 /// Model of a spinning sensor whose lasers are known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -154,15 +153,6 @@ impl Spinning {
         let begin = if self.model.begins_behind() { 180.0 } else { 0.0 };
         let beside = if self.model.offsets_are_clockwise() { -beside } else { beside };
         Some(exact_unit(begin - 360.0 * part / whole + beside, elevation))
-    }
-
-    pub(super) fn to_words(self) -> Fields {
-        [self.model as u32, self.columns.into(), 0, 0, 0, 0]
-    }
-
-    pub(super) fn from_words([model, columns, ..]: Fields) -> Option<Self> {
-        let model = *SpinningModel::ALL.get(model as usize)?;
-        Some(Self { model, columns: short(columns)? })
     }
 }
 

@@ -2,8 +2,6 @@
 
 use core::fmt;
 
-use super::{Fields, short};
-
 /// Name of a list of beams. The list itself stays with its maker: sensor and host agree on its
 /// hash.
 ///
@@ -19,16 +17,6 @@ pub struct BeamTable {
     pub channels: u16,
     /// Hash of the list.
     pub hash: u32,
-}
-
-impl BeamTable {
-    pub(super) fn to_words(self) -> Fields {
-        [self.beams, self.channels.into(), self.hash, 0, 0, 0]
-    }
-
-    pub(super) fn from_words([beams, channels, hash, ..]: Fields) -> Option<Self> {
-        Some(Self { beams, channels: short(channels)?, hash })
-    }
 }
 
 impl fmt::Display for BeamTable {

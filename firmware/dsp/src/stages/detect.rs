@@ -40,7 +40,7 @@ impl Threshold {
         reason = "σ below 2³², r at most 2¹⁵, k below 2¹¹: products below 2⁴⁷"
     )]
     pub fn new(config: &DetectorConfig, statistics: &Statistics) -> Self {
-        let noise_gain = i64::from(config.template.noise_gain());
+        let noise_gain = i64::from(config.template.noise_gain);
         let sigma = shift_round(i64::from(statistics.sigma) * noise_gain, 15);
         let by_noise = shift_round(sigma * i64::from(config.snr_threshold), 12);
         let level = by_noise.max(i64::from(config.floor)).clamp(1, 0x7fff);
@@ -182,7 +182,7 @@ fn fallen(valley: i16, threshold: i16) -> State {
 }
 
 /// Adds a peak; when there is no room, the lowest of all is dropped (of equals, the last).
-fn insert(found: &mut Peaks, peak: Peak) {
+pub(crate) fn insert(found: &mut Peaks, peak: Peak) {
     if found.push(peak).is_ok() {
         return;
     }

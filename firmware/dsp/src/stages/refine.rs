@@ -108,7 +108,7 @@ impl Refiner<'_> {
         let (left, right) = (self.crossing(peak, half, -1), self.crossing(peak, half, 1));
         let clipped = self.clipped_run(peak);
         let corrects = config.method == TimingMethod::WalkCorrected;
-        let bias = if corrects && clipped.is_none() { config.timing.bias().into() } else { 0 };
+        let bias = if corrects && clipped.is_none() { config.timing.bias.into() } else { 0 };
         let start = i64::from(peak.index);
         let vertex = vertex(&f, start, config.reach, config.upsampling_log2, bias);
         let amplitude = config.template.amplitude(vertex.height).max(1);
@@ -209,7 +209,7 @@ impl Refiner<'_> {
         let half = i32::from(peak.height) >> 1;
         let (left, right) = (self.crossing(peak, half, -1), self.crossing(peak, half, 1));
         let merged = (left.flags | right.flags).contains(Flags::MERGED);
-        (merged || right.time - left.time > self.config.timing.broad())
+        (merged || right.time - left.time > self.config.timing.broad)
             && self.clipped_run(peak).is_none()
     }
 
@@ -232,8 +232,8 @@ impl Refiner<'_> {
     /// σ of the time of a top: gain · σ(A) / A.
     fn sigma_of_top(&self, amplitude: i64) -> u32 {
         let timing = &self.config.timing;
-        let sigma = self.noise.with(amplitude, timing.shot_share());
-        let scaled = (u64::from(timing.gain()) * u64::from(sigma)) >> 4; // Q1.15 of σ
+        let sigma = self.noise.with(amplitude, timing.shot_share);
+        let scaled = (u64::from(timing.gain) * u64::from(sigma)) >> 4; // Q1.15 of σ
         (scaled / amplitude.max(1) as u64).min(u32::MAX.into()) as u32
     }
 
@@ -272,18 +272,18 @@ impl Refiner<'_> {
         let config = self.config;
         let coarse = shift_round(level, 8).min(peak.height.into()) as i32;
         let crossing = self.crossing(peak, coarse, -1);
-        refined.time = crossing.time + config.timing.offset();
+        refined.time = crossing.time + config.timing.offset;
         refined.flags |= crossing.flags;
         let Some(below) = crossing.below else { return };
         let (low, high) = (f(below), f(below + 1));
         let rise = (high - low).max(1);
         let fraction = (((level - low) << 16).div_euclid(rise)).clamp(0, 1 << 16);
-        refined.time = (below << 16) + fraction + config.timing.offset();
+        refined.time = (below << 16) + fraction + config.timing.offset;
         if config.method == TimingMethod::ConstantFraction {
             return; // σ stays that of `sigma_of_top`: its gain is the crossing's
         }
         let at_level = self.noise.of(config.template.amplitude(shift_round(level, 8) as i32));
-        let noise_gain = u64::from(config.template.noise_gain());
+        let noise_gain = u64::from(config.template.noise_gain);
         let filtered = (u64::from(at_level) * noise_gain) >> 15; // Q13.19
         refined.sigma = ((filtered << 20) / rise as u64).min(u32::MAX.into()) as u32;
     }

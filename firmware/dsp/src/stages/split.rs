@@ -10,10 +10,10 @@ use core::ops::Range;
 use heapless::Vec;
 
 use crate::limits::MAX_TAPS;
-use crate::q::{shift_round, sqrt_floor};
-use crate::stages::filter;
+use crate::q::shift_round;
 use crate::stages::peak::{MAX_CANDIDATES, Peak, Peaks};
 use crate::stages::template::Template;
+use crate::stages::{detect, filter};
 
 /// Sharper filter: taps narrower than the pulse, less a share of their own second difference.
 ///
@@ -39,8 +39,10 @@ use crate::stages::template::Template;
 pub struct Sharpener {
     /// Taps and one zero.
     taps: Vec<i16, { MAX_TAPS + 1 }>,
-    lag: usize,
-    noise_gain: u16,
+    /// Lag q, samples.
+    pub lag: usize,
+    /// Noise gain r, Q1.15.
+    pub noise_gain: u16,
 }
 
 /// L on the sensor, 64ths.
@@ -63,7 +65,7 @@ impl Sharpener {
         }
         let _ = taps.push(0);
         let energy: u64 = taps.iter().map(|&s| u64::from(s.unsigned_abs()).pow(2)).sum();
-        Self { taps, lag, noise_gain: sqrt_floor(energy) as u16 }
+        Self { taps, lag, noise_gain: energy.isqrt() as u16 }
     }
 
     /// Sharpener of the sensor: half the emitted pulse's width, half a width as the lag,
@@ -89,16 +91,6 @@ impl Sharpener {
         self.taps().len() / 2
     }
 
-    /// Lag q, samples.
-    pub fn lag(&self) -> usize {
-        self.lag
-    }
-
-    /// Noise gain r, Q1.15.
-    pub fn noise_gain(&self) -> u16 {
-        self.noise_gain
-    }
-
     /// σ_s = σ̂·r: noise after the sharpener, Q13.19, nearest, of a waveform's σ̂.
     pub fn sigma(&self, sigma: u32) -> u32 {
         shift_round(i64::from(sigma) * i64::from(self.noise_gain), 15) as u32
@@ -106,22 +98,24 @@ impl Sharpener {
 
     /// Sharpened sample before it is rounded to Q1.15: Q9.23, nearest; 0 outside `x`.
     pub fn exact(&self, x: &[i16], n: i64) -> i64 {
-        if usize::try_from(n).ok().is_none_or(|n| n >= x.len()) {
-            return 0;
+        match usize::try_from(n) {
+            Ok(index) if index < x.len() => shift_round(self.sum(x, n).into(), 7),
+            _ => 0,
         }
-        let taps = self.taps().iter().zip(n - self.half() as i64..);
-        let sample =
-            |i: i64| usize::try_from(i).ok().and_then(|i| x.get(i)).map_or(0, |&x| i32::from(x));
-        let sum: i32 = taps.map(|(&s, i)| i32::from(s) * sample(i)).sum();
-        shift_round(sum.into(), 7)
     }
 
     /// Sharpened sample, Q1.15: `round(Σ s[k] · x[n + k])`, x = 0 outside.
     pub fn at(&self, x: &[i16], n: usize) -> i16 {
-        let taps = self.taps().iter().zip(n as isize - self.half() as isize..);
+        filter::round(self.sum(x, n as i64))
+    }
+
+    /// `Σ s[k] · x[n + k]`, Q2.30.
+    #[inline(always)]
+    fn sum(&self, x: &[i16], n: i64) -> i32 {
+        let taps = self.taps().iter().zip(n - self.half() as i64..);
         let sample =
-            |i: isize| usize::try_from(i).ok().and_then(|i| x.get(i)).map_or(0, |&x| i32::from(x));
-        filter::round(taps.map(|(&s, i)| i32::from(s) * sample(i)).sum())
+            |i: i64| usize::try_from(i).ok().and_then(|i| x.get(i)).map_or(0, |&x| i32::from(x));
+        taps.map(|(&s, i)| i32::from(s) * sample(i)).sum()
     }
 }
 
@@ -157,13 +151,18 @@ pub fn prominent_peaks(
     let mut samples =
         values.into_iter().zip(first..).map(|(height, n)| Peak { index: n as u16, height });
     let Some(mut peak) = samples.next() else { return };
+    let mut keep = |peak: Peak| {
+        if peak.height >= level && usize::from(peak.index) != first {
+            detect::insert(found, peak);
+        }
+    };
     let (mut valley, mut last) = (None, peak);
     for here in samples {
         last = here;
         match valley {
             None if here.height > peak.height => peak = here,
             None if i32::from(here.height) < i32::from(peak.height) - prominence(peak.height) => {
-                keep(peak, first, level, found);
+                keep(peak);
                 valley = Some(here.height);
             }
             None => {}
@@ -177,20 +176,7 @@ pub fn prominent_peaks(
         }
     }
     if valley.is_none() && last.height < peak.height {
-        keep(peak, first, level, found);
-    }
-}
-
-/// Adds a peak that is high enough; when there is no room, the lowest is dropped (of equals, the
-/// last).
-fn keep(peak: Peak, first: usize, level: i16, found: &mut Peaks) {
-    if peak.height < level || usize::from(peak.index) == first || found.push(peak).is_ok() {
-        return;
-    }
-    let lowest = found.iter().rev().min_by_key(|p| p.height).copied();
-    if let Some(lowest) = lowest.filter(|l| l.height < peak.height) {
-        found.retain(|p| *p != lowest);
-        let _ = found.push(peak); // one has just gone
+        keep(peak);
     }
 }
 

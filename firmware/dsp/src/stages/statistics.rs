@@ -249,7 +249,7 @@ fn grouped(rank: &OrderStatistic, n: u32, shift: u32) -> i32 {
 ///
 /// It is a plain sum in 16 bits, which vectorises.
 #[inline(always)]
-fn count_within(codes: &[u16], low: i32, high: i32) -> u32 {
+pub fn count_within(codes: &[u16], low: i32, high: i32) -> u32 {
     const { assert!(MAX_SAMPLES <= u16::MAX as usize) };
     if high < low || low > 0xffff {
         return 0;

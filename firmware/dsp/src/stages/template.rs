@@ -4,7 +4,7 @@ use heapless::Vec;
 use micromath::F32Ext;
 
 use crate::limits::MAX_TAPS;
-use crate::q::{shift_round, sqrt_floor};
+use crate::q::shift_round;
 use crate::settings::choice::DenoiseFilter;
 
 /// Symmetric filter, with its gains for amplitudes and noise.
@@ -35,9 +35,11 @@ use crate::settings::choice::DenoiseFilter;
 pub struct Template {
     /// Taps and one zero.
     taps: Vec<i16, { MAX_TAPS + 1 }>,
-    peak_gain: u16,
+    /// g: height of a filtered echo over its amplitude, Q1.15.
+    pub peak_gain: u16,
     inverse_gain: u16,
-    noise_gain: u16,
+    /// r: σ of filtered white noise over σ, Q1.15.
+    pub noise_gain: u16,
 }
 
 impl Template {
@@ -88,7 +90,7 @@ impl Template {
         Self {
             peak_gain,
             inverse_gain: ((1 << 29) / u32::from(peak_gain)).min(0xffff) as u16,
-            noise_gain: sqrt_floor(energy) as u16,
+            noise_gain: energy.isqrt() as u16,
             taps,
         }
     }
@@ -106,16 +108,6 @@ impl Template {
     /// Number of taps on either side of the centre.
     pub fn half(&self) -> usize {
         self.taps().len() / 2
-    }
-
-    /// g: height of a filtered echo over its amplitude, Q1.15.
-    pub fn peak_gain(&self) -> u16 {
-        self.peak_gain
-    }
-
-    /// r: σ of filtered white noise over σ, Q1.15.
-    pub fn noise_gain(&self) -> u16 {
-        self.noise_gain
     }
 
     /// Amplitude whose filtered height is `height`, both Q1.15: `round(height / g)`.
@@ -161,6 +153,6 @@ mod tests {
     #[test]
     fn a_well_sampled_pulse_keeps_three_quarters_of_its_height() {
         let template = Template::sin_squared(5_000, 330_780);
-        assert!((f64::from(template.peak_gain()) / 32768.0 - 0.75).abs() < 2e-3);
+        assert!((f64::from(template.peak_gain) / 32768.0 - 0.75).abs() < 2e-3);
     }
 }

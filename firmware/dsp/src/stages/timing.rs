@@ -32,12 +32,18 @@ use crate::stages::template::Template;
 /// Computed in `f32`: `q` and `z` are within 10⁻⁴; a top's slope and `β` within 10⁻⁶ (o W f_s)².
 /// Derived in `benches/record/detector.md`, What noise does to the time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Timing {
-    gain: u32,
-    shot_share: u32,
-    bias: i32,
-    offset: i64,
-    broad: i64,
+    /// Gain: σ of the time of an unclipped echo over σ/A of a sample, Q16.16 samples.
+    pub gain: u32,
+    /// q, share of the top's shot noise that shifts the time, Q1.15.
+    pub shot_share: u32,
+    /// β, Q1.15.
+    pub bias: i32,
+    /// z, from an edge's crossing to the middle of the echo, Q16.16 samples.
+    pub offset: i64,
+    /// w, width at half height from which an echo may hide others, Q16.16 samples.
+    pub broad: i64,
 }
 
 impl Timing {
@@ -73,31 +79,6 @@ impl Timing {
             offset: i64::from(nearest(65536.0 * offset)),
             broad: i64::from(nearest(65536.0 * 2.4 * filtered.half_width())),
         }
-    }
-
-    /// Gain: σ of the time of an unclipped echo over σ/A of a sample, Q16.16 samples.
-    pub fn gain(&self) -> u32 {
-        self.gain
-    }
-
-    /// q, share of the top's shot noise that shifts the time, Q1.15.
-    pub fn shot_share(&self) -> u32 {
-        self.shot_share
-    }
-
-    /// β, Q1.15.
-    pub fn bias(&self) -> i32 {
-        self.bias
-    }
-
-    /// w, width at half height from which an echo may hide others, Q16.16 samples.
-    pub fn broad(&self) -> i64 {
-        self.broad
-    }
-
-    /// z, from an edge's crossing to the middle of the echo, Q16.16 samples.
-    pub fn offset(&self) -> i64 {
-        self.offset
     }
 }
 
@@ -225,7 +206,7 @@ mod tests {
             let width = 5e6 / f64::from(period_fs);
             let bound = core::f64::consts::FRAC_2_PI * width.sqrt();
             let gain = f64::from(
-                timing(DenoiseFilter::Matched, period_fs, 0, TimingMethod::Parabola).gain(),
+                timing(DenoiseFilter::Matched, period_fs, 0, TimingMethod::Parabola).gain,
             ) / 65536.0;
             assert!((gain / bound - 1.0).abs() < 0.02, "{period_fs} fs: {gain} against {bound}");
         }
@@ -234,7 +215,7 @@ mod tests {
     #[test]
     fn every_other_filter_s_time_is_less_sharp() {
         for period_fs in PERIODS_FS {
-            let gain = |filter| timing(filter, period_fs, 0, TimingMethod::Parabola).gain();
+            let gain = |filter| timing(filter, period_fs, 0, TimingMethod::Parabola).gain;
             assert!(
                 gain(DenoiseFilter::Matched) < gain(DenoiseFilter::Gaussian)
                     && gain(DenoiseFilter::Gaussian) < gain(DenoiseFilter::None)
@@ -245,7 +226,7 @@ mod tests {
     #[test]
     fn half_of_the_shot_noise_shifts_the_time() {
         // ∫ sin²2φ sin²φ over ∫ sin²2φ
-        let share = timing(DenoiseFilter::Matched, 500_000, 0, TimingMethod::Parabola).shot_share();
+        let share = timing(DenoiseFilter::Matched, 500_000, 0, TimingMethod::Parabola).shot_share;
         assert!((f64::from(share) / 32768.0 - 0.5).abs() < 0.01, "{share}");
     }
 
@@ -253,7 +234,7 @@ mod tests {
     fn a_constant_fraction_of_the_bare_pulse_lies_half_a_width_from_its_middle() {
         for period_fs in PERIODS_FS {
             let offset = timing(DenoiseFilter::None, period_fs, 0, TimingMethod::ConstantFraction)
-                .offset() as f64
+                .offset as f64
                 / 65536.0;
             assert!(
                 (offset - 2.5e6 / f64::from(period_fs)).abs() < 1e-3,

@@ -4,11 +4,10 @@
 //! vector unit does better another way: the filter in multiply-adds of pairs (`filter`), the order
 //! statistics in bytes, four counts a pass (`order_statistics`), and the search for peaks from hill
 //! to hill (`peaks`). The loops of a near gain, which are not inlined into the pipeline, are
-//! compiled once more for AVX2 (`near`).
+//! compiled once more for AVX2.
 
 mod filter;
 mod groups;
-mod near;
 mod order_statistics;
 mod peaks;
 mod wide_filter;
@@ -63,13 +62,13 @@ impl SampleLoops for Avx2 {
         x: &mut [i16],
     ) {
         // SAFETY: as above.
-        unsafe { near::remove_baseline(near, codes, samples, x) };
+        unsafe { remove_near_baseline(near, codes, samples, x) };
     }
 
     #[inline(always)]
     fn level(self, near: &Near<'_>, at: usize, samples: Range<usize>, x: &mut [i16]) {
         // SAFETY: as above.
-        unsafe { near::level(near, at, samples, x) };
+        unsafe { level(near, at, samples, x) };
     }
 
     #[inline(always)]
@@ -84,4 +83,18 @@ impl SampleLoops for Avx2 {
         let first_reaching = |values: &[i16]| unsafe { peaks::first_reaching(values, threshold) };
         detect::peaks_of_hills(first_reaching, y, threshold, found);
     }
+}
+
+/// [`Near::remove_baseline`].
+#[inline(never)]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+fn remove_near_baseline(near: &Near<'_>, codes: &[u16], samples: Range<usize>, x: &mut [i16]) {
+    near.remove_baseline(codes, samples, x);
+}
+
+/// [`Near::level`].
+#[inline(never)]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+fn level(near: &Near<'_>, at: usize, samples: Range<usize>, x: &mut [i16]) {
+    near.level(at, samples, x);
 }

@@ -10,7 +10,7 @@ use core::arch::x86_64::{
 use core::mem::MaybeUninit;
 
 use echoloop_dsp::MAX_SAMPLES;
-use echoloop_dsp::statistics::{OrderStatistics, Statistics};
+use echoloop_dsp::statistics::{OrderStatistics, Statistics, count_within};
 
 use crate::four_probes;
 
@@ -160,14 +160,7 @@ fn sums(bytes: [__m256i; 4]) -> [u32; 4] {
 #[inline(never)]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 fn count_wide(codes: &[u16], intervals: [(i32, i32); 4]) -> [u32; 4] {
-    intervals.map(|(low, high)| {
-        if high < low || low > 0xffff {
-            return 0;
-        }
-        let (low, width) = (low as u16, (high.min(0xffff) - low) as u16);
-        let inside = |&code: &u16| u16::from(code.wrapping_sub(low) <= width);
-        u32::from(codes.iter().map(inside).fold(0u16, u16::wrapping_add))
-    })
+    intervals.map(|(low, high)| count_within(codes, low, high))
 }
 
 #[cfg(test)]

@@ -108,7 +108,7 @@ impl RateOf<'_> {
             hz,
             beams,
             samples: settings.bins,
-            taps: detector.template().taps().len(),
+            taps: detector.template.taps().len(),
             shots: settings.shots,
             echoes_a_beam: echoes,
             cycles_per_instruction,

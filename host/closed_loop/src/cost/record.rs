@@ -49,8 +49,8 @@ impl Load {
         let config = DetectorConfig::new(settings, hardware).ok()?;
         Some(Self {
             samples: f64::from(settings.bins) + f64::from(settings.pre_trigger_samples()),
-            taps: config.template().taps().len() as f64,
-            near_samples: config.ramp().map_or(0.0, |ramp| ramp.samples() as f64),
+            taps: config.template.taps().len() as f64,
+            near_samples: config.ramp.as_ref().map_or(0.0, |ramp| ramp.samples() as f64),
             echoes,
             near_echoes,
             several: settings.echoes > 1,

@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 use echoloop_frontend::SceneResponse;
 use echoloop_sim::raycast::Raycaster;
-use echoloop_sim::scanner::{BeamOptics, Scanner};
+use echoloop_sim::scanner::{self, BeamOptics};
 use echoloop_sim::scene::{Material, Scene};
 use echoloop_sim::viewpoint::{
     PairPlan, PosePair, Sight, Split, ViewpointError, sample_pairs_between,
@@ -305,11 +305,11 @@ fn response(
     let directions = beams.directions(viewpoint);
     let directions: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
     if config.motion.is_still() {
-        return Scanner::scan(caster, materials, world_from_sensor, &directions, &optics);
+        return scanner::scan(caster, materials, world_from_sensor, &directions, &optics);
     }
     let seed = derive(config.seed, Purpose::Motion, viewpoint.into());
     let path = MotionPath::new(&config.motion, beams, *world_from_sensor, seed);
-    Scanner::scan_moving(
+    scanner::scan_moving(
         caster,
         materials,
         |beam| path.world_from_sensor(beam),

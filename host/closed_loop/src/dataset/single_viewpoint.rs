@@ -2,7 +2,7 @@
 //! stand.
 
 use echoloop_sim::viewpoint::{
-    Footing, PairPlan, Split, Standpoint, ViewpointError, stand_alone, stands_aloft,
+    Footing, PairPlan, Split, Standpoint, ViewpointError, find_standpoint, stands_off_ground,
 };
 
 use super::{DatasetError, Place, pair_plan, poses, sight};
@@ -35,7 +35,7 @@ pub fn single_viewpoint(
             (pose, vec![remark])
         }
     };
-    if stands_aloft(&place.scene, &place.caster, &pose) {
+    if stands_off_ground(&place.scene, &place.caster, &pose) {
         remarks.push(
             "the sensor stands on something else than ground (a crown, a roof?); --pose puts it \
              elsewhere"
@@ -48,12 +48,12 @@ pub fn single_viewpoint(
 fn standpoint(place: &Place, plan: &PairPlan) -> Result<(Pose, String), DatasetError> {
     let Place { scene, caster, .. } = place;
     let Standpoint { world_from_sensor, footing, sees_enough } =
-        stand_alone(scene, caster, plan)
+        find_standpoint(scene, caster, plan)
             .map_err(|source| DatasetError::Viewpoints { scene: scene.name.clone(), source })?;
     let on = match footing {
         Footing::Open => "on open ground",
         Footing::Covered => "on the ground, below something",
-        Footing::Aloft => "on what lies on top",
+        Footing::Top => "on what lies on top",
     };
     let remark = format!(
         "{}: no place for two sensors {} m apart; one stands {on}{}",

@@ -55,13 +55,13 @@ pub enum Source {
 impl Source {
     /// Reads `scene.source`: a name, else an existing folder, else a file, which need not exist.
     pub fn of(source: &str) -> Self {
-        if let Ok(kind) = source.parse() {
+        if let Some(kind) = SceneKind::named(source) {
             return Self::Kind(kind);
         }
-        if let Ok(town) = source.parse() {
+        if let Some(town) = Town::named(source) {
             return Self::Town(town);
         }
-        if let Some(kind) = source.strip_suffix("-towns").and_then(|kind| kind.parse().ok()) {
+        if let Some(kind) = source.strip_suffix("-towns").and_then(SceneKind::named) {
             return Self::Towns(kind);
         }
         let path = PathBuf::from(source);

@@ -256,7 +256,7 @@ impl Context<'_> {
     fn view<'y>(&self, x: &'y [i16], filtered: &'y [i16]) -> View<'y> {
         let (y, gain) = match self.scale.view {
             0 => (x, 1 << 15),
-            _ => (filtered, i64::from(self.narrow.noise_gain())),
+            _ => (filtered, i64::from(self.narrow.noise_gain)),
         };
         let two_sigma = shift_round(i64::from(self.baseline.sigma) * gain, 18).max(1) as i32;
         let top = y.iter().copied().max().unwrap_or_default();

@@ -120,7 +120,7 @@ impl Bank {
         let highest = padded.x().iter().copied().max().unwrap_or_default();
         let factor = i64::from(pulse).min(MARGIN as i64) * 8;
         let quiet = |t: &Template| {
-            factor.max(100) * shift_round(i64::from(sigma) * i64::from(t.noise_gain()), 15)
+            factor.max(100) * shift_round(i64::from(sigma) * i64::from(t.noise_gain), 15)
         };
         let enough =
             |(t, &width): (&Template, &u32)| width >= pulse || quiet(t) <= i64::from(highest) << 4;
@@ -142,7 +142,7 @@ impl Bank {
                 .max()
                 .unwrap_or_default();
             // Never full: its capacity is the number of widths.
-            let _ = heights.push((i64::from(top), i64::from(template.noise_gain()), width));
+            let _ = heights.push((i64::from(top), i64::from(template.noise_gain), width));
         }
         let best = heights
             .iter()

@@ -37,7 +37,7 @@ pub(crate) fn build(landscape: Landscape, seed: u64) -> (Mesh, ([f32; 2], [f32; 
         // No viewpoint lies on the water.
         Landscape::Lake => high[0] = lake::build(&mut b, &mut planting, seed, &mut rng),
     }
-    (b.finish(), (low.map(|x| x as f32), high.map(|x| x as f32)))
+    (b.mesh, (low.map(|x| x as f32), high.map(|x| x as f32)))
 }
 
 #[cfg(test)]

@@ -114,7 +114,7 @@ impl CoverRaster {
             level_m: vec![f32::NAN; count],
             taken: vec![false; count],
         };
-        network.lanes().iter().for_each(|lane| raster.lay(lane));
+        network.lanes.iter().for_each(|lane| raster.lay(lane));
         raster.infill();
         raster
     }

@@ -100,7 +100,7 @@ impl TownLayout {
 
     /// True while the number of triangles allows houses with all their windows.
     pub(super) fn is_rich(b: &Builder) -> bool {
-        b.triangles() < PLAIN_TRIANGLES
+        b.mesh.triangles.len() < PLAIN_TRIANGLES
     }
 
     /// Adds trees, bushes and rocks on open ground away from roads.
@@ -132,7 +132,7 @@ impl TownLayout {
             plants.swap(k, rng.index(k + 1));
         }
         for plant in plants {
-            if b.triangles() > MAX_TRIANGLES {
+            if b.mesh.triangles.len() > MAX_TRIANGLES {
                 break;
             }
             self.grow(b, plant, rng);

@@ -45,7 +45,7 @@ pub(crate) fn build(network: &RoadNetwork, dressing: Dressing, seed: u64) -> Bui
     layout.plant(&mut b, plants, &mut rng);
     let (low, high) = network.bounds();
     let area = (low.map(|x| x as f32), high.map(|x| x as f32));
-    BuiltTown { mesh: b.finish(), area, movers }
+    BuiltTown { mesh: b.mesh, area, movers }
 }
 
 #[cfg(test)]

@@ -22,7 +22,7 @@ impl RoadEdge {
     /// Both edges of every road that is not part of a crossing.
     pub(super) fn all(network: &RoadNetwork) -> Vec<Self> {
         let mut roads: BTreeMap<&str, Vec<&Lane>> = BTreeMap::new();
-        for lane in network.lanes().iter().filter(|lane| !lane.in_junction) {
+        for lane in network.lanes.iter().filter(|lane| !lane.in_junction) {
             roads.entry(&lane.road).or_default().push(lane);
         }
         let both = roads.values().flat_map(|lanes| [1, -1].map(|side| Self::new(lanes, side)));

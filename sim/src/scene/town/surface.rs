@@ -16,11 +16,11 @@ const SIDE_M: f64 = 0.4;
 const MIN_WIDTH_M: f64 = 0.02;
 
 pub(super) fn build(b: &mut Builder, network: &RoadNetwork, raster: &CoverRaster) {
-    network.lanes().iter().for_each(|lane| lay(b, lane, raster));
-    for stripe in network.paint() {
+    network.lanes.iter().for_each(|lane| lay(b, lane, raster));
+    for stripe in &network.paint {
         b.quad(stripe.map(|p| add(p, [0.0, 0.0, PAINT_M])), Surface::RoadPaint);
     }
-    network.props().iter().filter(|prop| prop.height_m == 0.0).for_each(|prop| paint(b, prop));
+    network.props.iter().filter(|prop| prop.height_m == 0.0).for_each(|prop| paint(b, prop));
 }
 
 fn surface(kind: LaneKind) -> Surface {

@@ -70,14 +70,14 @@ fn ground_meets_roads_and_never_shows_through_them() {
         let (mut b, layout) = (Builder::default(), TownLayout::new(&network, dressing, 1));
         surface::build(&mut b, &network, &layout.raster);
         layout.ground.build(&mut b, |at| layout.surface(at));
-        let mesh = b.finish();
+        let mesh = b.mesh;
         let caster = Raycaster::from_mesh(&mesh);
         let down = |[x, y, z]: Point| {
             let hit = caster.cast([x, y, z + 0.6].map(|v| v as f32), [0.0, 0.0, -1.0])?;
             Some((z + 0.6 - f64::from(hit.range_m), mesh.materials[hit.triangle as usize]))
         };
         let (mut seen, mut off, mut beside) = (0, 0, 0);
-        for lane in network.lanes().iter().filter(|lane| lane.kind == LaneKind::Driving) {
+        for lane in network.lanes.iter().filter(|lane| lane.kind == LaneKind::Driving) {
             for [left, right] in &lane.ribs {
                 let at = crate::vector::mix(*left, *right, 0.5);
                 let (height, material) = down(at).expect("a road");

@@ -41,11 +41,11 @@ pub(super) fn build(
     rng: &mut Generator,
 ) -> Vec<Mover> {
     let mut traffic = Traffic { network, movers: Vec::new(), passed: Vec::new() };
-    network.signs().iter().for_each(|sign| put_up(b, layout, sign));
-    for prop in network.props().iter().filter(|prop| prop.height_m > 0.0) {
+    network.signs.iter().for_each(|sign| put_up(b, layout, sign));
+    for prop in network.props.iter().filter(|prop| prop.height_m > 0.0) {
         stand(b, &prop.name, &prop.outline, prop.height_m);
     }
-    for (index, lane) in network.lanes().iter().enumerate() {
+    for (index, lane) in network.lanes.iter().enumerate() {
         let wide = lane.ribs.iter().any(|[l, r]| flat(*l, *r) > BAY_M);
         match lane.kind {
             LaneKind::Parking | LaneKind::Shoulder if wide && !lane.in_junction => {
@@ -125,12 +125,16 @@ impl Traffic<'_> {
         let mut s = lane.span_m[0] + rng.range(2.0, 90.0);
         while s < lane.span_m[1] {
             if !lane.in_junction || rng.chance(0.3) {
-                let (first, at) = (b.vertices(), self.network.waypoint(index, s));
+                let (first, at) = (b.mesh.vertices.len(), self.network.waypoint(index, s));
                 let aside_m = rng.spread(0.25);
                 if let Some(start) = self.vehicle(b, layout, at, aside_m, rng) {
                     let way = self.way(start, (index, s), aside_m);
                     let speed_m_s = rng.range(5.0, 10.0);
-                    self.movers.push(Mover { vertices: first..b.vertices(), speed_m_s, way });
+                    self.movers.push(Mover {
+                        vertices: first..b.mesh.vertices.len(),
+                        speed_m_s,
+                        way,
+                    });
                 }
             }
             s += rng.range(25.0, 110.0);
@@ -182,7 +186,7 @@ impl Traffic<'_> {
 
     /// Waypoint one step on, in the lane or in the one that it leads into.
     fn next(&self, (lane, s): (usize, f64)) -> Option<Waypoint> {
-        let found = &self.network.lanes()[lane];
+        let found = &self.network.lanes[lane];
         let [low, high] = found.span_m;
         let s = if found.id < 0 { s + STEP_M } else { s - STEP_M };
         if (low..high).contains(&s) {
@@ -190,7 +194,7 @@ impl Traffic<'_> {
         }
         let beyond = if found.id < 0 { s - high } else { low - s };
         let next = *found.successors.first()?;
-        let lane = self.network.lanes().get(next)?;
+        let lane = self.network.lanes.get(next)?;
         let [low, high] = lane.span_m;
         let s = if lane.id < 0 { low + beyond } else { high - beyond };
         (low..high).contains(&s).then(|| self.network.waypoint(next, s)).flatten()

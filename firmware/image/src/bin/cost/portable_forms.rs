@@ -225,7 +225,7 @@ fn pipelines_agree(random: &mut Random) -> Result<u32, &'static str> {
 fn echoes_agree(case: &Case) -> Result<u32, &'static str> {
     let pipeline =
         Pipeline::new(&case.settings(), &case.hardware()).map_err(|_| "settings refused")?;
-    let waveform = case.waveform(pipeline.config().template().half());
+    let waveform = case.waveform(pipeline.config().template.half());
     let codes = &waveform[..case.samples];
     let ours = pipeline.process(FASTEST, codes, &mut Scratch::new());
     let portable = pipeline.process(Portable, codes, &mut Scratch::new());

@@ -46,7 +46,7 @@ fn count_with(
     let settings = case.settings();
     let pipeline = Pipeline::new(&settings, &case.hardware()).map_err(|_| "settings refused")?;
     let config = pipeline.config();
-    let waveform = case.waveform(config.template().half());
+    let waveform = case.waveform(config.template.half());
     let codes = waveform.get(..case.samples).ok_or("waveform too long")?;
     count_shots(name, config, case, codes, text)?;
     let spent = Cell::new(0u32);
@@ -64,7 +64,7 @@ fn count_with(
     let pipeline_count = per_run(|| {
         drop(black_box(pipeline.process(loops, black_box(codes), black_box(&mut scratch))))
     });
-    let report = match (made.peaks.is_empty(), config.ramp()) {
+    let report = match (made.peaks.is_empty(), config.ramp.as_ref()) {
         (true, _) => 0,
         (false, None) => per_run(|| drop(black_box(made.report()))),
         // A near gain changes the samples during the report, so it cannot be repeated: the count is
@@ -74,7 +74,7 @@ fn count_with(
     line("report", report)?;
     line("pipeline", pipeline_count)?;
     let echoes = pipeline.process(loops, codes, &mut scratch);
-    let same = (echoes == made.report() || config.ramp().is_some())
+    let same = (echoes == made.report() || config.ramp.is_some())
         && scratch.statistics() == &made.statistics
         && scratch.filtered(codes.len()) == made.y;
     if same { Ok(()) } else { Err("the stages are not the pipeline") }
@@ -93,7 +93,7 @@ fn count_shots(
     let mut sums = [0; MAX_SAMPLES];
     let sums = sums.get_mut(..codes.len()).ok_or("waveform too long")?;
     let add = per_run(|| scratch.shots().add(black_box(1), black_box(codes)));
-    let read = per_run(|| scratch.shots().read(black_box(config.sum_shift()), black_box(sums)));
+    let read = per_run(|| scratch.shots().read(black_box(config.sum_shift), black_box(sums)));
     for (stage, instructions) in [("shot", add), ("sum", read)] {
         writeln!(text, "cost\t{name}\t{}\t{stage}\t{instructions}", case.name)
             .map_err(|_| "no text")?;
@@ -112,21 +112,21 @@ fn over_samples(
     y: &mut [i16],
     line: &mut impl FnMut(&'static str, u32) -> Result<(), &'static str>,
 ) -> Result<(Statistics, Threshold, Peaks), &'static str> {
-    let (shift, template) = (config.code_shift(), config.template());
+    let (shift, template) = (config.code_shift, &config.template);
     let mut statistics = Statistics::default();
-    let near = config.ramp().map_or(0, Ramp::samples);
+    let near = config.ramp.as_ref().map_or(0, Ramp::samples);
     let full = codes.get(near..).ok_or("the gain rises to the end")?;
     let count = per_run(|| statistics = loops.statistics(black_box(full), shift, &statistics));
     line("statistics", count)?;
 
-    let (clip, ambient) = (config.clip_code(), statistics.ambient_q15());
+    let (clip, ambient) = (config.clip_code, statistics.ambient_q15());
     let window = template.half()..template.half() + codes.len();
     let x = padded.get_mut(window).ok_or("template too long")?;
     line(
         "baseline",
         per_run(|| {
             loops.remove_baseline(black_box(codes), clip, shift, ambient, black_box(x));
-            if let Some(ramp) = config.ramp() {
+            if let Some(ramp) = config.ramp.as_ref() {
                 let rising = Near { ramp, config, ambient };
                 loops.remove_near_baseline(&rising, codes, 0..near, black_box(x));
             }
@@ -161,11 +161,11 @@ impl Made<'_> {
     #[inline(always)]
     fn report(&self) -> Echoes {
         let Self { config, codes, padded, y, statistics, threshold, .. } = self;
-        let template = config.template();
+        let template = &config.template;
         let exact = |n| filter::exact(template.taps(), *padded, codes.len(), n);
         let x = padded.get(template.half()..template.half() + codes.len()).unwrap_or_default();
         let waveform = Waveform { codes, x, y };
-        let noise = Noise::new(statistics, config.shot_noise());
+        let noise = Noise::new(statistics, config.shot_noise);
         let refiner = Refiner {
             config,
             waveform,

@@ -42,81 +42,46 @@ pub(crate) struct Case {
     pub(crate) echoes: &'static [i32],
 }
 
+/// Default of the cases.
+const NOISE: Case = Case {
+    name: "800x12 noise",
+    samples: 800,
+    range_mm: 119_000,
+    pulse_width_ps: 5_000,
+    gain_slope_mdb_m: 0,
+    keeps: 1,
+    echoes: &[],
+};
+
+const FOUR: Case =
+    Case { name: "800x12 four echoes", keeps: 4, echoes: &[900, 300, 6000, 150], ..NOISE };
+
+const SHORT: Case = Case {
+    name: "256x16 one echo",
+    samples: 256,
+    range_mm: 38_373,
+    pulse_width_ps: 7_500,
+    echoes: &[900],
+    ..NOISE
+};
+
 /// A sample takes a nanosecond, to within 1 %; in the case of 2400 samples, a third of one. Some
 /// echoes reach full scale.
 pub(crate) const CASES: [Case; 8] = [
-    Case {
-        name: "800x12 noise",
-        samples: 800,
-        range_mm: 119_000,
-        pulse_width_ps: 5_000,
-        gain_slope_mdb_m: 0,
-        keeps: 1,
-        echoes: &[],
-    },
-    Case {
-        name: "800x12 one echo",
-        samples: 800,
-        range_mm: 119_000,
-        pulse_width_ps: 5_000,
-        gain_slope_mdb_m: 0,
-        keeps: 1,
-        echoes: &[900],
-    },
-    Case {
-        name: "800x12 four echoes",
-        samples: 800,
-        range_mm: 119_000,
-        pulse_width_ps: 5_000,
-        gain_slope_mdb_m: 0,
-        keeps: 4,
-        echoes: &[900, 300, 6000, 150],
-    },
-    Case {
-        name: "800x12 one echo of four",
-        samples: 800,
-        range_mm: 119_000,
-        pulse_width_ps: 5_000,
-        gain_slope_mdb_m: 0,
-        keeps: 4,
-        echoes: &[900],
-    },
-    Case {
-        name: "256x16 one echo",
-        samples: 256,
-        range_mm: 38_373,
-        pulse_width_ps: 7_500,
-        gain_slope_mdb_m: 0,
-        keeps: 1,
-        echoes: &[900],
-    },
-    Case {
-        name: "1024x16 one echo",
-        samples: 1024,
-        range_mm: 153_494,
-        pulse_width_ps: 7_500,
-        gain_slope_mdb_m: 0,
-        keeps: 1,
-        echoes: &[900],
-    },
+    NOISE,
+    Case { name: "800x12 one echo", echoes: &[900], ..NOISE },
+    FOUR,
+    Case { name: "800x12 one echo of four", echoes: &[900], ..FOUR },
+    SHORT,
+    Case { name: "1024x16 one echo", samples: 1024, range_mm: 153_494, ..SHORT },
     Case {
         name: "2400x62 one echo",
         samples: 2400,
-        range_mm: 119_000,
         pulse_width_ps: 10_100,
-        gain_slope_mdb_m: 0,
-        keeps: 1,
         echoes: &[900],
+        ..NOISE
     },
-    Case {
-        name: "800x12 four echoes, near gain",
-        samples: 800,
-        range_mm: 119_000,
-        pulse_width_ps: 5_000,
-        gain_slope_mdb_m: 1_000,
-        keeps: 4,
-        echoes: &[900, 300, 6000, 150],
-    },
+    Case { name: "800x12 four echoes, near gain", gain_slope_mdb_m: 1_000, ..FOUR },
 ];
 
 const AMBIENT: i32 = 200;
