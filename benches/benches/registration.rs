@@ -11,8 +11,9 @@ use std::path::PathBuf;
 
 use cpu::CpuTime;
 use criterion::{Criterion, criterion_group, criterion_main};
-use echoloop_registration::cloud::{Cloud, normals, read_cloud, voxel};
-use echoloop_registration::pose::Pose;
+use echoloop_clouds::Pose;
+use echoloop_clouds::{Cloud, read_cloud};
+use echoloop_registration::geometry::{normals, voxel};
 use echoloop_registration::suggest::suggest_gicp;
 use echoloop_registration::{
     Gicp, GicpConfig, Icp, IcpConfig, Registration, Source, Target, suggest,

@@ -20,9 +20,7 @@ use std::io::{BufRead, Write, stdin, stdout};
 use std::path::PathBuf;
 
 use clap::Parser;
-use echoloop_registration::pose::{
-    Pose, from_rows, read_pose, rotation_error_deg, translation_error_m,
-};
+use echoloop_clouds::pose::{Pose, from_rows, read_pose, rotation_error_deg, translation_error_m};
 use echoloop_statistics::median;
 use serde::Deserialize;
 use serde_json::{Value, json};

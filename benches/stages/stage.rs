@@ -3,10 +3,10 @@
 use std::time::Instant;
 
 use cpu_time::ProcessTime;
-use echoloop_registration::cloud::neighbours::Neighbours;
-use echoloop_registration::cloud::{normals, voxel};
+use echoloop_clouds::pose::{Pose, to_rows};
 use echoloop_registration::features::{Described, fpfh, matching};
-use echoloop_registration::pose::{Pose, to_rows};
+use echoloop_registration::geometry::neighbours::Neighbours;
+use echoloop_registration::geometry::{normals, voxel};
 use echoloop_registration::{
     Fgr, FgrMode, Gicp, Icp, IcpConfig, Mac, Method, MethodConfig, Outcome, Refined, Registration,
     StopReason, build, suggest_method, suggest_refinement,

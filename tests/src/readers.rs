@@ -20,9 +20,9 @@ use std::path::Path;
 
 use echoloop_closed_loop::config;
 use echoloop_closed_loop::run_folder::journal::{sealed_lines, whole_generations};
+use echoloop_clouds::pose::parse_pose;
+use echoloop_clouds::{CloudFormat, parse_cloud, parse_recorded};
 use echoloop_instruments::{Response, parse_waveforms};
-use echoloop_registration::cloud::{CloudFormat, parse_cloud, parse_recorded};
-use echoloop_registration::pose::parse_pose;
 use echoloop_sim::import::{
     Ground, ImportOptions, Tags, library_surfaces, parse_scene, parse_semantic,
 };

@@ -7,7 +7,9 @@ use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, value_parser};
 use super::exit::Failure;
 use super::method_choice::{MODE_HELP, mode_parser};
 use super::number::seed;
-use echoloop_registration::{FgrMode, Kind, Method, MethodConfig, SETTINGS, Setting, Suggestions};
+use echoloop_registration::{
+    FgrMode, Method, MethodConfig, SETTINGS, Setting, SettingKind, Suggestions,
+};
 
 const HEADING: &str = "Settings; those left out are chosen from the clouds";
 
@@ -58,8 +60,8 @@ impl Flag {
             .help(help(self.setting))
             .help_heading(HEADING);
         let arg = match self.setting.kind {
-            Kind::Count => arg.value_parser(move |text: &str| whole(self.setting, text)),
-            Kind::Real | Kind::Optional => arg.value_parser(value_parser!(f64)),
+            SettingKind::Count => arg.value_parser(move |text: &str| whole(self.setting, text)),
+            SettingKind::Real | SettingKind::Optional => arg.value_parser(value_parser!(f64)),
         };
         self.former.iter().fold(arg, |arg, former| arg.alias(former.as_str()))
     }
@@ -67,8 +69,8 @@ impl Flag {
     fn value(&self, matches: &ArgMatches) -> Option<(&'static Setting, f64)> {
         let key = self.setting.key;
         let value = match self.setting.kind {
-            Kind::Count => matches.get_one(key).map(|&count: &usize| count as f64),
-            Kind::Real | Kind::Optional => matches.get_one(key).copied(),
+            SettingKind::Count => matches.get_one(key).map(|&count: &usize| count as f64),
+            SettingKind::Real | SettingKind::Optional => matches.get_one(key).copied(),
         };
         value.map(|value| (self.setting, value))
     }
@@ -81,7 +83,7 @@ fn whole(setting: &Setting, text: &str) -> Result<usize, String> {
 
 fn value_name(setting: &Setting) -> &'static str {
     match (setting.kind, setting.unit) {
-        (Kind::Count, _) => "N",
+        (SettingKind::Count, _) => "N",
         (_, "m") => "M",
         (_, "rad") => "RAD",
         _ => "SHARE",
@@ -223,7 +225,7 @@ mod tests {
                 }
             }
             let fraction = read(&dashed(setting.key), "7.5");
-            assert_eq!(fraction.is_err(), setting.kind == Kind::Count, "{}", setting.key);
+            assert_eq!(fraction.is_err(), setting.kind == SettingKind::Count, "{}", setting.key);
         }
     }
 

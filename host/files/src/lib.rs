@@ -37,6 +37,3 @@ pub use bytes::{MOST_TEXT, check_lines, folder_of, read_data, read_text, text_fr
 pub use column::{Column, NumberType, eight};
 pub use printable::{MAX_LINE, one_line, one_line_of, printable};
 pub use stderr::say;
-
-// Former names, until all crates use those above.
-pub use printable::{MAX_LINE as MOST_SHOWN, one_line as shown, one_line_of as shown_most};

@@ -1,6 +1,6 @@
 //! CSV without a header, one waveform a line.
 
-use echoloop_files::shown_most;
+use echoloop_files::one_line_of;
 
 use super::problem::Problem;
 
@@ -42,7 +42,7 @@ fn parse_cell(cell: &str, row: usize, column: usize) -> Result<f64, Problem> {
 
 /// A cell in quotes, cut to the length of a message.
 fn quoted(cell: &str) -> String {
-    match shown_most(cell, 24) {
+    match one_line_of(cell, 24) {
         nothing if nothing.is_empty() => "nothing".into(),
         some => format!("'{some}'"),
     }

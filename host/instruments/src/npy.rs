@@ -9,7 +9,7 @@
 //! No crate reads it: those bring a parser generator and assembly for the three entries of the
 //! header.
 
-use echoloop_files::shown;
+use echoloop_files::one_line;
 
 use super::problem::Problem;
 
@@ -98,7 +98,7 @@ pub(super) fn parse(bytes: Vec<u8>) -> Result<Array, Problem> {
 fn format(expected: &str, found: &str) -> Problem {
     Problem::Format(std::format!(
         "not a .npy array of waveforms: expected {expected}, found {}",
-        shown(found)
+        one_line(found)
     ))
 }
 

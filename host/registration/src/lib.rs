@@ -46,7 +46,6 @@
 
 mod auto;
 mod bits;
-pub mod cloud;
 pub mod config;
 mod correspondences;
 pub mod covariance;
@@ -75,11 +74,11 @@ mod tests;
 pub use auto::Auto;
 pub use config::{
     AutoConfig, ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig,
-    MacConfig, Method, MethodConfig, SETTINGS, Setting, SettingKind, SettingKind as Kind, setting,
+    MacConfig, Method, MethodConfig, SETTINGS, Setting, SettingKind, setting,
 };
 pub use covariance::Covariance;
 pub use echoloop_clouds as clouds;
-pub use echoloop_clouds::{Cloud, Pose, pose};
+pub use echoloop_clouds::{Cloud, Pose};
 pub use fgr::Fgr;
 pub use gicp::Gicp;
 pub use icp::Icp;

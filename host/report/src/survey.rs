@@ -6,7 +6,7 @@ use echoloop_closed_loop::checksum::Checksum;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::dataset::survey::{Survey, SurveyedPair};
 use echoloop_closed_loop::dataset::{Overlaps, towns};
-use echoloop_registration::pose::{Pose, to_rows};
+use echoloop_clouds::pose::{Pose, to_rows};
 use echoloop_sim::picture::{Picture, draw};
 use echoloop_sim::scene::Material;
 use echoloop_sim::viewpoint::Split;

@@ -4,11 +4,11 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use echoloop_files::{MOST_TEXT, read_text, shown};
-use echoloop_registration::cloud::{Cloud, CloudError, read_cloud};
-use echoloop_registration::pose::{
+use echoloop_clouds::pose::{
     Pose, PoseError, read_pose, rotation_error_deg, to_rows, translation_error_m,
 };
+use echoloop_clouds::{Cloud, CloudError, read_cloud};
+use echoloop_files::{MOST_TEXT, one_line, read_text};
 use echoloop_registration::{Registration, build, suggest_method};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -94,7 +94,8 @@ pub struct RealPair {
 pub fn read_real_pairs(list: &Path, folder: &Path) -> Result<Vec<RealPair>, RealError> {
     let wrong = |problem: String| RealError::List { path: list.to_owned(), problem };
     let text = read_text(list, MOST_TEXT).map_err(file_error("read", list))?;
-    let entries: List = toml::from_str(&text).map_err(|error| wrong(shown(&error.to_string())))?;
+    let entries: List =
+        toml::from_str(&text).map_err(|error| wrong(one_line(&error.to_string())))?;
     if entries.pair.is_empty() {
         return Err(wrong("no pair; expected [[pair]] with name, target and source".into()));
     }
@@ -116,7 +117,7 @@ impl Entry {
                     return Err(wrong(format!(
                         "pair {:?}: expected target_from_source, or world_from_target and \
                          world_from_source",
-                        shown(&self.name)
+                        one_line(&self.name)
                     )));
                 }
             };

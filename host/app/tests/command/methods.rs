@@ -1,10 +1,8 @@
 //! Registration methods from the command line: what they find, what they print, what they refuse.
 
 use crate::fixture::Fixture;
-use echoloop_registration::pose::{
-    Pose, read_pose, rotation_error_deg, to_rows, translation_error_m,
-};
-use echoloop_registration::{Kind, SETTINGS};
+use echoloop_clouds::pose::{Pose, read_pose, rotation_error_deg, to_rows, translation_error_m};
+use echoloop_registration::{SETTINGS, SettingKind};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use serde_json::Value;
 
@@ -131,7 +129,7 @@ fn the_document_lists_every_setting_of_the_method_and_flags_change_them() {
             assert_eq!(document[*key].as_f64(), Some(*value), "{method} {key}: {document}");
         }
         for setting in SETTINGS.iter().filter(|setting| !document[setting.key].is_null()) {
-            let is_count = setting.kind == Kind::Count;
+            let is_count = setting.kind == SettingKind::Count;
             assert_eq!(document[setting.key].is_u64(), is_count, "{}: {document}", setting.key);
         }
     }

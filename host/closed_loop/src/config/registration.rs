@@ -3,7 +3,7 @@
 use std::fmt;
 
 use echoloop_parameters::{Bounds, Kind as KeyKind, Parameter};
-use echoloop_registration::{FgrMode, Kind, Method, SETTINGS};
+use echoloop_registration::{FgrMode, Method, SETTINGS, SettingKind};
 use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -196,7 +196,7 @@ impl Serialize for RegistrationConfig {
         }
         for (setting, value) in SETTINGS.iter().zip(self.given) {
             if let Some(value) = value {
-                let written = Written::new(value, setting.kind == Kind::Count);
+                let written = Written::new(value, setting.kind == SettingKind::Count);
                 map.serialize_entry(setting.key, &written)?;
             }
         }

@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 use echoloop_dsp::{Kind as LidarKind, PARAMETERS, ParameterId, Settings};
 use echoloop_parameters::{Bounds, Kind, Parameter, Range, Step};
-use echoloop_registration::{Kind as SettingKind, Method, SETTINGS, Setting, setting};
+use echoloop_registration::{Method, SETTINGS, Setting, SettingKind, setting};
 
 use super::axis::{Axis, Scale};
 use super::ranges::Ranges;

@@ -3,8 +3,8 @@
 use echoloop_parameters::Refused;
 use echoloop_registration::config::Use;
 use echoloop_registration::{
-    ConfigError, FgrConfig, FgrMode, IcpConfig, Kind, Method, MethodConfig, Registration, Setting,
-    build, setting,
+    ConfigError, FgrConfig, FgrMode, IcpConfig, Method, MethodConfig, Registration, Setting,
+    SettingKind, build, setting,
 };
 
 use super::axis::{Axis, Scale};
@@ -69,7 +69,7 @@ impl ThetaReg {
         };
         match axes.iter().find(|axis| axis.name == setting.path) {
             Some(axis) => axis.require(value)?,
-            None if setting.kind == Kind::Count && value.fract() != 0.0 => {
+            None if setting.kind == SettingKind::Count && value.fract() != 0.0 => {
                 return Err(Refused::new(setting.path, value, "a whole number").into());
             }
             None => {}

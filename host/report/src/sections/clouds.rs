@@ -5,7 +5,7 @@ use std::array::from_fn;
 use echoloop_closed_loop::evaluation::objective::PairError;
 use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::run_folder::run::Background;
-use echoloop_registration::cloud::Cloud;
+use echoloop_clouds::Cloud;
 
 use super::{optional_length, pairs};
 use crate::ReportError;
