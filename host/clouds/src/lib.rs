@@ -46,15 +46,9 @@
 mod cloud;
 mod error;
 mod format;
-mod layout;
-mod lzf;
-mod pcd;
-mod ply;
 pub mod pose;
 mod read;
 mod recorded;
-mod text;
-mod vtk;
 mod write;
 
 pub use cloud::{Cloud, Dropped, is_finite};

@@ -1,7 +1,7 @@
 //! PLY: reading the vertices, and the layout for writing.
 
+use super::layout::Layout;
 use crate::Cloud;
-use crate::layout::Layout;
 use crate::recorded::{Keep, Recorded};
 use echoloop_files::attribute::is_attribute;
 use echoloop_files::ply::{self, Body, Points};

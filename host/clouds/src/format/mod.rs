@@ -1,12 +1,19 @@
 //! The file formats of clouds, one row each: reading, writing, refusals and help follow from it.
 
+mod layout;
+mod lzf;
+mod pcd;
+mod ply;
+mod text;
+mod vtk;
+
 use std::path::Path;
 
 use echoloop_files::Column;
 use nalgebra::Point3;
 
+use crate::Cloud;
 use crate::recorded::{Keep, Recorded};
-use crate::{Cloud, pcd, ply, text, vtk};
 
 /// A format that clouds are read from.
 pub(crate) struct Format {
@@ -144,7 +151,7 @@ mod tests {
 
     #[test]
     fn the_front_page_lists_every_extension() {
-        let page = include_str!("lib.rs");
+        let page = include_str!("../lib.rs");
         for extension in READ.iter().flat_map(|format| format.extensions) {
             assert!(page.contains(&format!("`.{extension}`")), "{extension}");
         }

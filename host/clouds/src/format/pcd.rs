@@ -10,9 +10,10 @@ use echoloop_files::{Column, NumberType, check_lines, eight, one_line};
 use nalgebra::Point3;
 use pcd_rs::{DataKind, DynReader, DynRecord, Field, FieldDef, PcdMeta, ValueKind};
 
-use crate::layout::Layout;
+use super::layout::Layout;
+use super::lzf;
+use crate::Cloud;
 use crate::recorded::{Keep, Recorded};
-use crate::{Cloud, lzf};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
