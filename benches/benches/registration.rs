@@ -14,7 +14,6 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use echoloop_clouds::Pose;
 use echoloop_clouds::{Cloud, read_cloud};
 use echoloop_registration::geometry::{normals, voxel};
-use echoloop_registration::suggest::suggest_gicp;
 use echoloop_registration::{
     Gicp, GicpConfig, Icp, IcpConfig, Registration, Source, Target, suggest,
 };
@@ -99,7 +98,7 @@ fn alignment(criterion: &mut Criterion<CpuTime>, name: &str, target: &Cloud, sou
 fn suggested(criterion: &mut Criterion<CpuTime>, name: &str, target: &Cloud, source: &Cloud) {
     let start = Pose::identity();
     let (Ok(icp), Ok(gicp)) =
-        (Icp::new(suggest(target, source)), Gicp::new(suggest_gicp(target, source)))
+        (Icp::new(suggest(target, source)), Gicp::new(GicpConfig::from(&suggest(target, source))))
     else {
         return;
     };

@@ -141,12 +141,20 @@ impl Outcome {
         }
     }
 
-    /// The outcome when a cloud could not be prepared. An empty cloud is reported first.
-    pub(crate) fn unprepared(
+    /// The outcome of `align` for two prepared clouds; the reason when one could not be prepared.
+    /// An empty cloud is reported first.
+    pub(crate) fn of_prepared<T, S>(
+        target: Result<T, PrepareError>,
+        source: Result<S, PrepareError>,
         initial: &Pose,
-        errors: impl IntoIterator<Item = PrepareError>,
+        align: impl FnOnce(&T, &S) -> Self,
     ) -> Self {
-        let empty = errors.into_iter().any(|error| error == PrepareError::Empty);
-        Self::nothing(initial, if empty { StopReason::EmptyCloud } else { StopReason::BadSettings })
+        match (target, source) {
+            (Ok(target), Ok(source)) => align(&target, &source),
+            (Err(PrepareError::Empty), _) | (_, Err(PrepareError::Empty)) => {
+                Self::nothing(initial, StopReason::EmptyCloud)
+            }
+            _ => Self::nothing(initial, StopReason::BadSettings),
+        }
     }
 }

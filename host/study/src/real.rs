@@ -9,7 +9,7 @@ use echoloop_clouds::pose::{
 };
 use echoloop_clouds::{Cloud, CloudError, read_cloud};
 use echoloop_files::{MOST_TEXT, one_line, read_text};
-use echoloop_registration::{Registration, build, suggest_method};
+use echoloop_registration::{Registration, Suggestions, build};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -306,7 +306,7 @@ impl Entrant {
             Some(settings) => settings.build().ok(),
             None => {
                 let (method, mode) = self.method.method();
-                build(&suggest_method(method, mode, None, target, source), None).ok()
+                build(&Suggestions::new(target, source).method(method, mode, None), None).ok()
             }
         };
         let start = Pose::identity();

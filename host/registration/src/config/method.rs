@@ -8,7 +8,7 @@ use super::choice::choice;
 /// motions it searches, and its line of help.
 ///
 /// From a row follow [`Method`], [`super::MethodConfig`], [`crate::build()`] and every list of
-/// methods. To add a method: its file, its module in lib.rs, a row here, its settings in table.rs,
+/// methods. To add a method: its file (a type with the field `config`), its module in lib.rs, a row here, its settings in table.rs,
 /// its suggestion in suggest.rs, and its row in the tests of all methods (tests.rs).
 macro_rules! with_methods {
     ($callback:ident) => {

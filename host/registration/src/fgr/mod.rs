@@ -13,9 +13,7 @@ use echoloop_clouds::{Cloud, Pose};
 use open3d::{Frame, Optimised};
 
 use super::features::{PointPair, matching, pairs};
-use super::{
-    ConfigError, Consensus, FgrConfig, FgrMode, Outcome, Registration, StopReason, global,
-};
+use super::{Consensus, FgrConfig, FgrMode, Outcome, Registration, StopReason, global};
 use crate::correspondences::{Inliers, LengthBounds, Refit, Until};
 
 /// Least count of matches that determine a motion.
@@ -61,25 +59,10 @@ const MAX_FITS: usize = 12;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Fgr {
-    config: FgrConfig,
+    pub(super) config: FgrConfig,
 }
 
 impl Fgr {
-    /// Method with these settings.
-    ///
-    /// # Errors
-    ///
-    /// [`ConfigError`] names the field that cannot run.
-    pub fn new(config: FgrConfig) -> Result<Self, ConfigError> {
-        config.check()?;
-        Ok(Self { config })
-    }
-
-    /// The settings.
-    pub fn config(&self) -> &FgrConfig {
-        &self.config
-    }
-
     /// Finds the motion that most matches agree with. Without one the outcome carries the identity
     /// and a reason; matches that are not finite count as wrong.
     pub fn solve(&self, pairs: &[PointPair]) -> Outcome {

@@ -22,7 +22,7 @@ use score::{Scorer, exact_score};
 
 use super::features::PointPair;
 use super::global::matched;
-use super::{ConfigError, Consensus, MacConfig, Outcome, Registration, StopReason};
+use super::{Consensus, MacConfig, Outcome, Registration, StopReason};
 use crate::correspondences::{Inliers, LengthBounds, Refit, Refitted, Until, within};
 
 /// A motion has six unknowns, a match determines three, and two leave a turn open.
@@ -54,7 +54,7 @@ const MAX_CANDIDATES: usize = 200;
 /// The same input gives the same bytes on any number of threads.
 #[derive(Clone, Debug)]
 pub struct Mac {
-    config: MacConfig,
+    pub(super) config: MacConfig,
 }
 
 /// The motion found, and the evidence for it.
@@ -77,21 +77,6 @@ pub struct MacReport {
 }
 
 impl Mac {
-    /// Method with these settings.
-    ///
-    /// # Errors
-    ///
-    /// [`ConfigError`] names the field that cannot run.
-    pub fn new(config: MacConfig) -> Result<Self, ConfigError> {
-        config.check()?;
-        Ok(Self { config })
-    }
-
-    /// The settings.
-    pub fn config(&self) -> &MacConfig {
-        &self.config
-    }
-
     /// Finds the motion with which most of given matches agree.
     pub fn solve(&self, pairs: &[PointPair]) -> Outcome {
         self.report(pairs, &Pose::identity()).outcome
