@@ -1,6 +1,6 @@
 //! Unbounded real numbers: the usual functions, from the usual starts.
 
-use echoloop_cmaes::{CmaEs, CmaEsConfig, CmaEsConfigError, Constants, StopReason, Stops};
+use echoloop_cmaes::{CmaEs, CmaEsConfig, ConfigError, Constants, StopReason, Stops};
 
 use super::functions::{
     bent_cigar, different_powers, ellipsoid, rosenbrock, sphere, turned_ellipsoid,
@@ -41,7 +41,7 @@ impl Function {
         n: usize,
         seed: u64,
         constants: Constants,
-    ) -> Result<Option<usize>, CmaEsConfigError> {
+    ) -> Result<Option<usize>, ConfigError> {
         let stops = Stops { target: Some(1e-8), ..Stops::default() };
         let plain = CmaEsConfig::unit_cube(vec![self.start; n], self.sigma, seed);
         let mut search = CmaEs::new(CmaEsConfig { bounded: false, constants, stops, ..plain })?;

@@ -1,6 +1,6 @@
 //! Problems like the closed loop's: few evaluations, 16 parameters of all kinds, noise.
 
-use echoloop_cmaes::{CmaEs, CmaEsConfig, CmaEsConfigError, Constants, Coordinate};
+use echoloop_cmaes::{CmaEs, CmaEsConfig, ConfigError, Constants, Coordinate};
 use echoloop_random::Generator;
 
 /// Number of real parameters, and numbers of values of whole ones and choices.
@@ -125,12 +125,7 @@ impl Problem {
     /// # Errors
     ///
     /// None: the configurations can run.
-    pub(crate) fn search(
-        &self,
-        arm: Arm,
-        seed: u64,
-        noise: f64,
-    ) -> Result<Vec<f64>, CmaEsConfigError> {
+    pub(crate) fn search(&self, arm: Arm, seed: u64, noise: f64) -> Result<Vec<f64>, ConfigError> {
         let mut search = CmaEs::new(self.config(arm, seed))?;
         let mut chance = Generator::new(seed, 0x0153);
         let mut losses = Vec::new();

@@ -3,9 +3,7 @@
 use nalgebra::DVector;
 
 use super::choices::Choices;
-use super::config::{
-    CmaEsConfig, CmaEsConfigError, Coordinate, StopReason, Stops, TellError, check,
-};
+use super::config::{CmaEsConfig, ConfigError, Coordinate, StopReason, Stops, TellError, check};
 use super::gaussian::Gaussian;
 use super::random::candidate_generator;
 use super::strategy::Strategy;
@@ -77,8 +75,8 @@ impl CmaEs {
     ///
     /// # Errors
     ///
-    /// [`CmaEsConfigError`] names the field that cannot run.
-    pub fn new(config: CmaEsConfig) -> Result<Self, CmaEsConfigError> {
+    /// [`ConfigError`] names the field that cannot run.
+    pub fn new(config: CmaEsConfig) -> Result<Self, ConfigError> {
         check(&config)?;
         let n = config.mean.len();
         let lambda = config.lambda.unwrap_or_else(|| Strategy::default_lambda(n));
