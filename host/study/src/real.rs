@@ -4,9 +4,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use echoloop_clouds::pose::{
-    Pose, PoseError, read_pose, rotation_error_deg, to_rows, translation_error_m,
-};
+use echoloop_clouds::pose::{Pose, read_pose, rotation_error_deg, to_rows, translation_error_m};
 use echoloop_clouds::{Cloud, CloudError, read_cloud};
 use echoloop_files::{MOST_TEXT, one_line, read_text};
 use echoloop_registration::{Registration, Suggestions, build};
@@ -42,7 +40,7 @@ pub enum RealError {
     Cloud(#[from] CloudError),
     /// A true motion cannot be read.
     #[error(transparent)]
-    Pose(#[from] PoseError),
+    Pose(#[from] echoloop_files::FileError),
     /// A cell cannot be configured.
     #[error(transparent)]
     Load(#[from] LoadError),
