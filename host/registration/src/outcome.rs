@@ -2,6 +2,7 @@
 
 use echoloop_clouds::Pose;
 
+use crate::correspondences::Inliers;
 use crate::overlap::Overlap;
 use crate::{Covariance, Observability, PrepareError};
 
@@ -138,6 +139,22 @@ impl Outcome {
             covariance: None,
             consensus: None,
             overlap: None,
+        }
+    }
+
+    /// The same, with the inliers of its motion among `searched` of `matches` matches.
+    pub(crate) fn agreeing(
+        self,
+        inliers: Inliers,
+        (matches, searched): (usize, usize),
+        margin: Option<f64>,
+    ) -> Self {
+        Self {
+            pairs: inliers.count,
+            inlier_fraction: inliers.count as f64 / matches.max(1) as f64,
+            rmse_m: inliers.rmse_m,
+            consensus: Some(Consensus { matches, searched, inliers: inliers.count, margin }),
+            ..self
         }
     }
 

@@ -7,6 +7,7 @@ use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
+use crate::Consensus;
 use crate::tests::on_threads;
 
 fn fgr() -> Fgr {
