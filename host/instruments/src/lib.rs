@@ -38,7 +38,6 @@ mod npy;
 pub mod read;
 pub mod response;
 mod rows;
-pub mod sample;
 
 pub use echoes::{Echo, Finder, Options, Waveform};
 pub use read::{parse_waveforms, read_waveforms};

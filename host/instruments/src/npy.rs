@@ -50,14 +50,6 @@ impl Array {
         })
     }
 
-    /// Bytes of a row, where the array is of `u8` or `bool` and its rows are contiguous.
-    pub(super) fn row_of_bytes(&self, row: usize) -> Option<&[u8]> {
-        let is_contiguous = !self.by_columns || self.rows == 1;
-        let is_bytes = self.number.kind == NumberType::U8;
-        let at = self.start + row * self.columns;
-        (is_contiguous && is_bytes).then(|| &self.bytes[at..at + self.columns])
-    }
-
     /// Refuses numbers that are not finite.
     fn check(&self) -> Result<(), String> {
         for row in 0..self.rows {
