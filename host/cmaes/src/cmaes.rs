@@ -102,7 +102,7 @@ impl CmaEs {
     }
 
     fn middle(&self) -> Vec<f64> {
-        self.each(|i| self.gaussian.mean()[i], |j| self.choices.middle(j))
+        self.each(|i| self.gaussian.mean[i], |j| self.choices.middle(j))
     }
 
     /// Collects a value of every coordinate, in their order, by kind.
@@ -167,7 +167,7 @@ impl CmaEs {
         let draws = order.into_iter().map(|candidate| self.draw(candidate));
         let (steps, names): (Vec<_>, Vec<_>) = draws.map(|draw| (draw.step, draw.names)).unzip();
         self.gaussian.learn(&steps);
-        let strategy = self.gaussian.strategy();
+        let strategy = &self.gaussian.strategy;
         self.choices.learn(&strategy.weights[..strategy.mu], &names);
     }
 
@@ -195,7 +195,7 @@ impl CmaEs {
 
     /// Constants of the search.
     pub fn strategy(&self) -> &Strategy {
-        self.gaussian.strategy()
+        &self.gaussian.strategy
     }
 
     /// Mean of the distribution, inside the cube when the search is bounded; for a choice, the
@@ -206,7 +206,7 @@ impl CmaEs {
 
     /// Step size σ.
     pub fn sigma(&self) -> f64 {
-        self.gaussian.sigma()
+        self.gaussian.sigma
     }
 
     /// Probability of each name of a choice; `None` for other coordinates.
