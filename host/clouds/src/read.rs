@@ -94,6 +94,8 @@ mod tests {
     const PCD: &str = "VERSION 0.7\nFIELDS x y z i\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\n\
                        WIDTH 2\nHEIGHT 1\n";
 
+    const VTK: &str = "# vtk DataFile Version 3.0\nt\n";
+
     #[test]
     fn the_same_two_points_come_from_each_format() {
         let ply = |format: &str| {
@@ -261,10 +263,13 @@ mod tests {
                 .concat();
         let columns = le(&[1.0, 4.0, 2.0, 5.0, 3.0, 6.0, 0.5, 0.5]);
         let packed = [&33u32.to_le_bytes()[..], &32u32.to_le_bytes(), &[31], &columns].concat();
+        let double = format!("{VTK}BINARY\nDATASET POLYDATA\nPOINTS 1 double\n");
         let files = [
             ("f.ply", bytes(ply, &body)),
             ("f.pcd", bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &packed)),
             ("g.pcd", bytes(PCD, b"POINTS 2\nDATA ascii\n1 2 3 0.5\n4 5 6 0.5\n")),
+            ("f.vtk", bytes(VTK, b"ASCII\nDATASET POLYDATA\nPOINTS 1 float\n1 2 3\n")),
+            ("g.vtk", bytes(&double, 1f64.to_be_bytes().repeat(3).as_slice())),
         ];
         for (name, content) in files {
             assert!(read(name, &content).is_ok(), "{name}");
