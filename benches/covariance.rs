@@ -9,8 +9,8 @@
 use std::error::Error;
 use std::path::Path;
 
-use echoloop_registration::cloud::{Cloud, read_cloud};
-use echoloop_registration::pose::{Pose, read_pose, rotation_error_deg, translation_error_m};
+use echoloop_clouds::pose::{Pose, read_pose, rotation_error_deg, translation_error_m};
+use echoloop_clouds::{Cloud, read_cloud};
 use echoloop_registration::{FgrMode, Method, MethodConfig, Suggestions, build};
 use rayon::prelude::*;
 

@@ -7,9 +7,9 @@
 use std::error::Error;
 
 use cpu_time::ProcessTime;
-use echoloop_registration::cloud::neighbours::Neighbours;
-use echoloop_registration::cloud::normals;
 use echoloop_registration::features::fpfh;
+use echoloop_registration::geometry::neighbours::Neighbours;
+use echoloop_registration::geometry::normals;
 use nalgebra::{Point3, Vector3};
 
 /// Number of timed runs, of which the fastest counts.

@@ -13,9 +13,10 @@
 use std::error::Error;
 use std::path::Path;
 
-use echoloop_registration::cloud::kdtree::KdTree;
-use echoloop_registration::cloud::{Cloud, read_cloud, voxel};
-use echoloop_registration::pose::{Pose, rotation_error_deg, translation_error_m};
+use echoloop_clouds::pose::{Pose, rotation_error_deg, translation_error_m};
+use echoloop_clouds::{Cloud, read_cloud};
+use echoloop_registration::geometry::kdtree::KdTree;
+use echoloop_registration::geometry::voxel;
 use echoloop_registration::refine::Refined;
 use echoloop_registration::{Icp, Outcome, Registration, StopReason, suggest};
 use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};

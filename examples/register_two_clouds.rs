@@ -9,8 +9,8 @@
 use std::error::Error;
 use std::path::Path;
 
-use echoloop_registration::cloud::read_cloud;
-use echoloop_registration::pose::Pose;
+use echoloop_clouds::Pose;
+use echoloop_clouds::read_cloud;
 use echoloop_registration::{Icp, Registration, suggest};
 
 #[path = "common/yard.rs"]

@@ -9,8 +9,8 @@ use std::path::PathBuf;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use echoloop_benches::cpu::{CpuTime, on_one_thread};
+use echoloop_clouds::Pose;
 use echoloop_registration::features::PointPair;
-use echoloop_registration::pose::Pose;
 use echoloop_registration::{Mac, MacConfig};
 use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};

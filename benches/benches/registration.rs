@@ -9,9 +9,9 @@ use std::path::PathBuf;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use echoloop_benches::cpu::{CpuTime, on_one_thread};
-use echoloop_registration::cloud::{Cloud, normals, read_cloud, voxel};
-use echoloop_registration::pose::Pose;
-use echoloop_registration::suggest::suggest_gicp;
+use echoloop_clouds::Pose;
+use echoloop_clouds::{Cloud, read_cloud};
+use echoloop_registration::geometry::{normals, voxel};
 use echoloop_registration::{
     Gicp, GicpConfig, Icp, IcpConfig, Registration, Source, Target, suggest,
 };
@@ -96,7 +96,7 @@ fn alignment(criterion: &mut Criterion<CpuTime>, name: &str, target: &Cloud, sou
 fn suggested(criterion: &mut Criterion<CpuTime>, name: &str, target: &Cloud, source: &Cloud) {
     let start = Pose::identity();
     let (Ok(icp), Ok(gicp)) =
-        (Icp::new(suggest(target, source)), Gicp::new(suggest_gicp(target, source)))
+        (Icp::new(suggest(target, source)), Gicp::new(GicpConfig::from(&suggest(target, source))))
     else {
         return;
     };

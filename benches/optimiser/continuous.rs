@@ -1,6 +1,6 @@
 //! Unbounded real numbers: the usual functions, from the usual starts.
 
-use echoloop_cmaes::{CmaEsConfig, CmaEsConfigError, Constants, Stops};
+use echoloop_cmaes::{CmaEsConfig, ConfigError, Constants, Stops};
 
 use super::functions::{
     bent_cigar, different_powers, ellipsoid, evaluations, rosenbrock, sphere, turned_ellipsoid,
@@ -37,7 +37,7 @@ impl Function {
         n: usize,
         seed: u64,
         constants: Constants,
-    ) -> Result<Option<usize>, CmaEsConfigError> {
+    ) -> Result<Option<usize>, ConfigError> {
         let stops = Stops { target: Some(1e-8), ..Stops::default() };
         let plain = CmaEsConfig::unit_cube(vec![self.start; n], self.sigma, seed);
         let config = CmaEsConfig { bounded: false, constants, stops, ..plain };

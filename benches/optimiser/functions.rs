@@ -1,13 +1,13 @@
 //! Test functions of the tables, and the search of their minima.
 
-use echoloop_cmaes::{CmaEs, CmaEsConfig, CmaEsConfigError, StopReason};
+use echoloop_cmaes::{CmaEs, CmaEsConfig, ConfigError, StopReason};
 
 /// Evaluations that a search needs to its target; `None` when it ends before, or at `most`.
 pub(crate) fn evaluations(
     config: CmaEsConfig,
     most: usize,
     value: impl Fn(&[f64]) -> f64,
-) -> Result<Option<usize>, CmaEsConfigError> {
+) -> Result<Option<usize>, ConfigError> {
     let mut search = CmaEs::new(config)?;
     let lambda = search.strategy().lambda;
     while search.stop().is_none() && search.generation() as usize * lambda < most {

@@ -1,7 +1,7 @@
 //! Half real, half whole numbers or bits: the functions of "CMA-ES with Margin" (Hamano et al.,
 //! GECCO 2022), as defined in its authors' EvoConJP/CMA-ES_with_Margin.
 
-use echoloop_cmaes::{CmaEsConfig, CmaEsConfigError, Constants, Coordinate, Stops};
+use echoloop_cmaes::{CmaEsConfig, ConfigError, Constants, Coordinate, Stops};
 use echoloop_random::Generator;
 
 use super::functions::{ellipsoid, evaluations, sphere};
@@ -43,7 +43,7 @@ impl Function {
         n: usize,
         seed: u64,
         discrete: Coordinate,
-    ) -> Result<Option<usize>, CmaEsConfigError> {
+    ) -> Result<Option<usize>, ConfigError> {
         let width = self.count as f64;
         let mut draw = Generator::new(seed, 0x0a11);
         let start = |i: usize| {

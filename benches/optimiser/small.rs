@@ -1,6 +1,6 @@
 //! Problems like the closed loop's: few evaluations, 16 parameters of all kinds, noise.
 
-use echoloop_cmaes::{CmaEs, CmaEsConfig, CmaEsConfigError, Constants, Coordinate};
+use echoloop_cmaes::{CmaEs, CmaEsConfig, ConfigError, Constants, Coordinate};
 use echoloop_random::Generator;
 
 /// Number of real parameters, and numbers of values of whole ones and choices.
@@ -121,12 +121,7 @@ impl Problem {
 
     /// Loss of the mean after each of [`GENERATIONS`] of 16 candidates. The search is told
     /// ln(0.03 + loss) with normal noise.
-    pub(crate) fn search(
-        &self,
-        arm: Arm,
-        seed: u64,
-        noise: f64,
-    ) -> Result<Vec<f64>, CmaEsConfigError> {
+    pub(crate) fn search(&self, arm: Arm, seed: u64, noise: f64) -> Result<Vec<f64>, ConfigError> {
         let mut search = CmaEs::new(self.config(arm, seed))?;
         let mut chance = Generator::new(seed, 0x0153);
         let mut losses = Vec::new();

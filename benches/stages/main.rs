@@ -19,9 +19,7 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use echoloop_benches::Result;
-use echoloop_registration::pose::{
-    Pose, from_rows, read_pose, rotation_error_deg, translation_error_m,
-};
+use echoloop_clouds::pose::{Pose, from_rows, read_pose, rotation_error_deg, translation_error_m};
 use echoloop_statistics::median;
 use serde::Deserialize;
 use serde_json::{Value, json};

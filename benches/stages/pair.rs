@@ -3,10 +3,9 @@
 use std::path::Path;
 
 use echoloop_benches::Result;
-use echoloop_registration::cloud::{Cloud, read_cloud};
+use echoloop_clouds::{Cloud, Pose, read_cloud};
 use echoloop_registration::features::{Described, PointPair, matching, pairs};
 use echoloop_registration::global::described;
-use echoloop_registration::pose::Pose;
 use echoloop_registration::{
     FeatureConfig, FgrConfig, GicpConfig, IcpConfig, MacConfig, Source, Target,
 };

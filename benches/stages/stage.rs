@@ -4,13 +4,13 @@ use std::time::Instant;
 
 use cpu_time::ProcessTime;
 use echoloop_benches::Result;
-use echoloop_registration::cloud::neighbours::Neighbours;
-use echoloop_registration::cloud::{normals, voxel};
+use echoloop_clouds::pose::{Pose, to_rows};
 use echoloop_registration::features::{Described, fpfh, matching};
-use echoloop_registration::pose::{Pose, to_rows};
+use echoloop_registration::geometry::neighbours::Neighbours;
+use echoloop_registration::geometry::{normals, voxel};
 use echoloop_registration::{
     Fgr, FgrMode, Gicp, Icp, IcpConfig, Mac, Method, MethodConfig, Outcome, Refined, Registration,
-    StopReason, build, suggest_method, suggest_refinement,
+    StopReason, Suggestions, build,
 };
 use serde::{Serialize, Serializer};
 
@@ -159,9 +159,10 @@ fn method(name: &str, pair: &Pair) -> Result<Box<dyn Registration>> {
 fn suggested(name: &str, pair: &Pair, method: Method) -> Result<Measured> {
     let (target, source) = (&pair.target, &pair.source);
     posed(name, source.points.len(), || {
-        let config = suggest_method(method, FgrMode::Annealed, None, target, source);
+        let suggestions = Suggestions::new(target, source);
+        let config = suggestions.method(method, FgrMode::Annealed, None);
         let voxel_m = config.get("voxel_m").unwrap_or_default();
-        let finish = method.is_rough().then(|| suggest_refinement(target, source, voxel_m));
+        let finish = method.is_rough().then(|| suggestions.refinement(voxel_m));
         match build(&config, finish) {
             Ok(method) => method.register(target, source, &pair.initial),
             Err(_) => Outcome::nothing(&pair.initial, StopReason::BadSettings),

@@ -1,7 +1,7 @@
 //! A yard to scan: a floor, two walls and a box.
 
-use echoloop_registration::cloud::Cloud;
-use echoloop_registration::pose::Pose;
+use echoloop_clouds::Cloud;
+use echoloop_clouds::Pose;
 use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -20,9 +20,9 @@ use std::path::Path;
 
 use echoloop_closed_loop::config;
 use echoloop_closed_loop::run_folder::journal::{sealed_lines, whole_generations};
+use echoloop_clouds::pose::parse_pose;
+use echoloop_clouds::{CloudFormat, parse_cloud, parse_recorded, read_formats};
 use echoloop_instruments::{Response, parse_waveforms};
-use echoloop_registration::cloud::{CloudFormat, parse_cloud, parse_recorded};
-use echoloop_registration::pose::parse_pose;
 use echoloop_sim::import::{
     Ground, ImportOptions, Tags, library_surfaces, parse_scene, parse_semantic,
 };
@@ -182,9 +182,10 @@ pub fn kitti(bytes: &[u8]) -> bool {
     cloud("any.bin", bytes, bytes.len())
 }
 
-/// A cloud of XYZ lines.
+/// A cloud of XYZ lines, or of any format without a reader of its own above.
 pub fn xyz(bytes: &[u8]) -> bool {
-    cloud("any.xyz", bytes, bytes.len())
+    let others = read_formats().filter(|name| !["ply", "pcd", "vtk", "bin"].contains(name));
+    others.fold(false, |read, name| read | cloud(&format!("any.{name}"), bytes, bytes.len()))
 }
 
 /// Waveforms, and the same rows as an instrument's response.

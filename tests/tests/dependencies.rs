@@ -76,6 +76,7 @@ const ALLOWED: [(&str, &str, &[&str]); 33] = [
         "echoloop-closed-loop",
         "host/closed_loop",
         &[
+            "echoloop-clouds",
             "echoloop-cmaes",
             "echoloop-dsp",
             "echoloop-files",
@@ -95,6 +96,7 @@ const ALLOWED: [(&str, &str, &[&str]); 33] = [
         "host/report",
         &[
             "echoloop-closed-loop",
+            "echoloop-clouds",
             "echoloop-files",
             "echoloop-random",
             "echoloop-registration",
@@ -107,6 +109,7 @@ const ALLOWED: [(&str, &str, &[&str]); 33] = [
         "host/study",
         &[
             "echoloop-closed-loop",
+            "echoloop-clouds",
             "echoloop-cmaes",
             "echoloop-files",
             "echoloop-random",

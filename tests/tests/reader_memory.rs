@@ -7,9 +7,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use echoloop_closed_loop::config;
 use echoloop_closed_loop::run_folder::journal::whole_generations;
+use echoloop_clouds::parse_recorded;
+use echoloop_clouds::pose::parse_pose;
 use echoloop_instruments::parse_waveforms;
-use echoloop_registration::cloud::parse_recorded;
-use echoloop_registration::pose::parse_pose;
 use echoloop_sim::import::{Ground, ImportOptions, parse_scene};
 
 /// The system's allocator, with the allocated bytes counted.

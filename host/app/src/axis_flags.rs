@@ -1,7 +1,7 @@
 //! `--tune` and `--fix`: axes of a search.
 
 use clap::Args;
-use echoloop_files::shown;
+use echoloop_files::one_line;
 
 use super::exit::Failure;
 use echoloop_closed_loop::config::{AxisChoice, Override};
@@ -39,7 +39,7 @@ impl AxisFlags {
             let name = name.strip_prefix(AXES).unwrap_or(name);
             return Err(Failure::usage(format_args!(
                 "--tune and --fix: expected {} once, found it twice",
-                shown(name)
+                one_line(name)
             )));
         }
         let fixed =

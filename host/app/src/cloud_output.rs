@@ -4,7 +4,7 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use clap::builder::TypedValueParser;
-use echoloop_registration::cloud::{CloudFormat, Recorded};
+use echoloop_clouds::{CloudFormat, Recorded};
 
 use super::common::Common;
 use super::exit::{Failure, print, print_bytes};

@@ -1,7 +1,7 @@
 //! `echoloop config`.
 
 use clap::Args;
-use echoloop_files::shown;
+use echoloop_files::one_line;
 
 use super::common::{Common, ConfigSource};
 use super::exit::{self, Failure, print};
@@ -48,7 +48,7 @@ fn explain(config: &RunConfig, asked: &str, json: bool) -> Result<(), Failure> {
     let rows = selected(explained(config)?, asked).map_err(|sections| {
         Failure::usage(format!(
             "--explain {}: no key and no section is called that; the sections are {sections}",
-            shown(asked.trim_matches(['[', ']']))
+            one_line(asked.trim_matches(['[', ']']))
         ))
     })?;
     match json {

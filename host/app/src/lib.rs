@@ -63,7 +63,7 @@ use std::ffi::OsString;
 use clap::error::ContextValue;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
-use echoloop_files::shown;
+use echoloop_files::one_line;
 
 use echoloop_closed_loop::config::preset::Preset;
 use echoloop_closed_loop::parameters::parameter_table;
@@ -218,7 +218,7 @@ fn shortened(mut error: clap::Error) -> clap::Error {
     let repeated: Vec<_> = error
         .context()
         .filter_map(|(kind, value)| match value {
-            ContextValue::String(text) => Some((kind, ContextValue::String(shown(text)))),
+            ContextValue::String(text) => Some((kind, ContextValue::String(one_line(text)))),
             _ => None,
         })
         .collect();

@@ -8,7 +8,8 @@ use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 use super::exit::Failure;
 use super::method_choice::{MODE_HELP, mode_parser};
 use super::number::seed;
-use echoloop_registration::{FgrMode, Kind, Method, MethodConfig, SETTINGS, Setting, Suggestions};
+use echoloop_parameters::Kind;
+use echoloop_registration::{FgrMode, Method, MethodConfig, SETTINGS, Setting, Suggestions};
 
 const HEADING: &str = "Settings; those left out are chosen from the clouds";
 
@@ -171,6 +172,7 @@ impl MethodFlags {
 #[cfg(test)]
 mod tests {
     use clap::Parser;
+    use echoloop_parameters::Kind;
     use echoloop_registration::setting;
 
     use super::*;

@@ -18,7 +18,7 @@ use echoloop_closed_loop::prepared::PairSet;
 use echoloop_closed_loop::run_folder::atomic_folder::AtomicFolder;
 use echoloop_closed_loop::scan_folder::pairs::{ScannedPair, scan_pairs, write_pairs};
 use echoloop_closed_loop::search::Observer;
-use echoloop_registration::cloud::CloudFormat;
+use echoloop_clouds::CloudFormat;
 
 /// Flags of `pairs`.
 #[derive(Clone, Debug, Args)]

@@ -4,7 +4,7 @@
 use std::io::IsTerminal;
 use std::time::Duration;
 
-use echoloop_files::shown;
+use echoloop_files::one_line;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use echoloop_closed_loop::run_folder::journal::Generation;
@@ -50,7 +50,7 @@ impl Progress {
         self.begin("scanning", 1000);
         |fraction, step| {
             self.at((fraction * 1000.0) as u64);
-            self.bar.set_message(shown(step));
+            self.bar.set_message(one_line(step));
         }
     }
 

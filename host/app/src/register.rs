@@ -11,11 +11,12 @@ use super::method_choice::{method_parser, methods_that};
 use super::method_flags::MethodFlags;
 use echoloop_closed_loop::parameters::{Parameters, written};
 use echoloop_closed_loop::run_folder::tuned_run::tuned_config;
-use echoloop_files::say;
-use echoloop_registration::cloud::{
-    Cloud, CloudError, CloudFormat, Dropped, Recorded, read_cloud, read_recorded, voxel,
+use echoloop_clouds::pose::{Pose, read_pose, to_rows};
+use echoloop_clouds::{
+    Cloud, CloudError, CloudFormat, Dropped, Recorded, read_cloud, read_recorded,
 };
-use echoloop_registration::pose::{Pose, read_pose, to_rows};
+use echoloop_files::say;
+use echoloop_registration::geometry::voxel;
 use echoloop_registration::{
     Confirmed, IcpConfig, Method, MethodConfig, Outcome, Registration, StopReason, Suggestions,
     build,

@@ -89,7 +89,7 @@ fn network(source: &str) -> Result<(RoadNetwork, Option<String>), Failure> {
         Source::Roads(_) => None,
         _ => {
             let what = "is no road network: expected FILE.xodr or a town on roads";
-            return Err(Failure::usage(format!("{} {what}", echoloop_files::shown(source))));
+            return Err(Failure::usage(format!("{} {what}", echoloop_files::one_line(source))));
         }
     };
     let network = match (&drawn, found.file()) {

@@ -21,8 +21,8 @@ use echoloop_closed_loop::evaluation::scan_cloud::recorded_from_scan;
 use echoloop_closed_loop::prepared::ConfiguredSensor;
 use echoloop_closed_loop::scan_folder::with_points;
 use echoloop_closed_loop::seed::scan_noise;
-use echoloop_registration::cloud::{CloudFormat, Recorded};
-use echoloop_registration::pose::{Pose, to_rows};
+use echoloop_clouds::pose::{Pose, to_rows};
+use echoloop_clouds::{CloudFormat, Recorded};
 use echoloop_sensors::sensor::{Model, View};
 
 /// Flags of `scan`.

@@ -15,8 +15,8 @@ use echoloop_closed_loop::prepared::ConfiguredSensor;
 use echoloop_closed_loop::run_folder::atomic_folder::AtomicFolder;
 use echoloop_closed_loop::scan_folder::trajectory::Trajectory;
 use echoloop_closed_loop::search::Observer;
-use echoloop_registration::cloud::CloudFormat;
-use echoloop_registration::pose::read_trajectory;
+use echoloop_clouds::CloudFormat;
+use echoloop_clouds::pose::read_trajectory;
 use echoloop_sensors::sensor::Model;
 
 /// Flags of `scan --trajectory`.

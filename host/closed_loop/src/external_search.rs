@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, BufRead, Read};
 
-use echoloop_files::{MOST_TEXT, shown};
+use echoloop_files::{MOST_TEXT, one_line};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use thiserror::Error;
@@ -113,7 +113,7 @@ impl<'a> ExternalSearch<'a> {
 
     /// A line's id, and its candidate.
     fn read(&self, text: &str) -> (Option<Value>, Result<Asked, Refused>) {
-        let malformed = |error: serde_json::Error| Refused::Malformed(shown(&error.to_string()));
+        let malformed = |error: serde_json::Error| Refused::Malformed(one_line(&error.to_string()));
         let mut document: Value = match serde_json::from_str(text) {
             Ok(document) => document,
             Err(error) => return (None, Err(malformed(error))),
@@ -137,7 +137,7 @@ impl<'a> ExternalSearch<'a> {
         let values = candidate_values(given).map_err(Refused::Malformed)?;
         let Prepared { config, hardware, start, .. } = self.prepared;
         let parameters = start.with_values(&values, config, hardware).map_err(|error| {
-            let problem = shown(&error.to_string());
+            let problem = one_line(&error.to_string());
             match error {
                 ValueError::Unknown(..) => Refused::Malformed(problem),
                 _ => Refused::Infeasible(problem),

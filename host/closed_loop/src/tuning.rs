@@ -19,8 +19,8 @@ use crate::run_folder::run::{
 };
 use crate::search::{Observer, Stage, TuneError, TuneSearch, Tuned};
 use crate::seed::{Purpose, derive};
+use echoloop_clouds::{Cloud, CloudFormat};
 use echoloop_dsp::ScanPattern;
-use echoloop_registration::cloud::{Cloud, CloudFormat};
 use echoloop_sensors::pattern::size;
 use echoloop_sensors::sensor::SensorError;
 

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use echoloop_files::read_data;
+use echoloop_files::{FileError, read_data};
 
 use crate::error::CloudError;
-use crate::format::{Format, READ};
+use crate::format::{Format, READ, read_extensions};
 use crate::recorded::{Keep, Recorded};
 use crate::{Cloud, Dropped};
 
@@ -23,21 +23,12 @@ pub fn read_cloud(path: &Path) -> Result<(Cloud, Dropped), CloudError> {
     read(path, Keep::Points).map(|(recorded, dropped)| (recorded.cloud, dropped))
 }
 
-/// Reads the points of a file with everything that a PLY or a PCD says of each, and KITTI's
-/// intensity.
-///
-/// # Errors
-///
-/// As for [`read_cloud`].
+/// [`read_cloud`] with everything that a PLY or a PCD says of each point, and KITTI's intensity.
 pub fn read_recorded(path: &Path) -> Result<(Recorded, Dropped), CloudError> {
     read(path, Keep::All)
 }
 
 /// [`read_cloud`] of bytes in memory; the extension of `path` tells the format.
-///
-/// # Errors
-///
-/// As for [`read_cloud`].
 pub fn parse_cloud(path: &Path, bytes: &[u8]) -> Result<(Cloud, Dropped), CloudError> {
     let format = format_of(path)?;
     let (recorded, dropped) = checked(path, (format.read)(bytes, Keep::Points))?;
@@ -45,10 +36,6 @@ pub fn parse_cloud(path: &Path, bytes: &[u8]) -> Result<(Cloud, Dropped), CloudE
 }
 
 /// [`read_recorded`] of bytes in memory; the extension of `path` tells the format.
-///
-/// # Errors
-///
-/// As for [`read_cloud`].
 pub fn parse_recorded(path: &Path, bytes: &[u8]) -> Result<(Recorded, Dropped), CloudError> {
     let format = format_of(path)?;
     checked(path, (format.read)(bytes, Keep::All))
@@ -57,22 +44,22 @@ pub fn parse_recorded(path: &Path, bytes: &[u8]) -> Result<(Recorded, Dropped), 
 fn read(path: &Path, keep: Keep) -> Result<(Recorded, Dropped), CloudError> {
     // Before the file is opened: a wrong extension is refused whatever the file holds.
     let format = format_of(path)?;
-    let bytes = read_data(path).map_err(|source| CloudError::Io { path: path.into(), source })?;
+    let bytes = read_data(path).map_err(FileError::io(path))?;
     checked(path, (format.read)(&bytes, keep))
 }
 
-fn format_of(path: &Path) -> Result<&'static Format, CloudError> {
+fn format_of(path: &Path) -> Result<&'static Format, FileError> {
     let extension = path.extension().unwrap_or_default();
     let has =
         |format: &&Format| format.extensions.iter().any(|e| extension.eq_ignore_ascii_case(e));
-    READ.iter().find(has).ok_or_else(|| CloudError::Extension { path: path.into() })
+    let expected = || format!("expected a {} file", read_extensions());
+    READ.iter().find(has).ok_or_else(expected).map_err(FileError::content(path))
 }
 
 /// Leaves out points that are no echo. Refuses a cloud with a bad σ_R, or without an echo.
 fn checked(path: &Path, read: Result<Recorded, String>) -> Result<(Recorded, Dropped), CloudError> {
-    let problem = |problem| CloudError::Format { path: path.into(), problem };
-    let mut recorded = read.map_err(problem)?;
-    recorded.check_sds().map_err(problem)?;
+    let mut recorded = read.map_err(FileError::content(path))?;
+    recorded.check_sds().map_err(FileError::content(path))?;
     let dropped = recorded.drop_invalid();
     if recorded.cloud.points.is_empty() {
         return Err(CloudError::Empty { path: path.into(), dropped });
@@ -106,6 +93,8 @@ mod tests {
 
     const PCD: &str = "VERSION 0.7\nFIELDS x y z i\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\n\
                        WIDTH 2\nHEIGHT 1\n";
+
+    const VTK: &str = "# vtk DataFile Version 3.0\nt\n";
 
     #[test]
     fn the_same_two_points_come_from_each_format() {
@@ -274,10 +263,13 @@ mod tests {
                 .concat();
         let columns = le(&[1.0, 4.0, 2.0, 5.0, 3.0, 6.0, 0.5, 0.5]);
         let packed = [&33u32.to_le_bytes()[..], &32u32.to_le_bytes(), &[31], &columns].concat();
+        let double = format!("{VTK}BINARY\nDATASET POLYDATA\nPOINTS 1 double\n");
         let files = [
             ("f.ply", bytes(ply, &body)),
             ("f.pcd", bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &packed)),
             ("g.pcd", bytes(PCD, b"POINTS 2\nDATA ascii\n1 2 3 0.5\n4 5 6 0.5\n")),
+            ("f.vtk", bytes(VTK, b"ASCII\nDATASET POLYDATA\nPOINTS 1 float\n1 2 3\n")),
+            ("g.vtk", bytes(&double, 1f64.to_be_bytes().repeat(3).as_slice())),
         ];
         for (name, content) in files {
             assert!(read(name, &content).is_ok(), "{name}");

@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use echoloop_files::Column;
+use echoloop_files::{Column, FileError};
 
 use crate::Cloud;
-use crate::error::CloudError;
 use crate::format::CloudFormat;
 use crate::recorded::Recorded;
 
@@ -13,23 +12,18 @@ use crate::recorded::Recorded;
 ///
 /// # Errors
 ///
-/// [`CloudError::Output`] when the extension names no format, [`CloudError::Io`] when the file
-/// cannot be written.
-pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<(), CloudError> {
+/// [`FileError`] when the extension names no format, or the file cannot be written.
+pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<(), FileError> {
     write(path, cloud, &[])
 }
 
-/// Writes a cloud and its columns in the format that the file's extension names.
-///
-/// # Errors
-///
-/// As for [`write_cloud`].
-pub fn write_recorded(path: &Path, recorded: &Recorded) -> Result<(), CloudError> {
+/// [`write_cloud`] with the columns.
+pub fn write_recorded(path: &Path, recorded: &Recorded) -> Result<(), FileError> {
     write(path, &recorded.cloud, &recorded.columns)
 }
 
-fn write(path: &Path, cloud: &Cloud, columns: &[Column]) -> Result<(), CloudError> {
-    let format = CloudFormat::of(path).ok_or_else(|| CloudError::Output { path: path.into() })?;
-    std::fs::write(path, format.bytes(cloud, columns))
-        .map_err(|source| CloudError::Io { path: path.into(), source })
+fn write(path: &Path, cloud: &Cloud, columns: &[Column]) -> Result<(), FileError> {
+    let expected = || format!("expected a name that ends in {}", CloudFormat::extensions());
+    let format = CloudFormat::of(path).ok_or_else(expected).map_err(FileError::content(path))?;
+    std::fs::write(path, format.bytes(cloud, columns)).map_err(FileError::io(path))
 }

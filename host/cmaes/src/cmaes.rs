@@ -3,9 +3,7 @@
 use nalgebra::DVector;
 
 use super::choices::Choices;
-use super::config::{
-    CmaEsConfig, CmaEsConfigError, Coordinate, StopReason, Stops, TellError, check,
-};
+use super::config::{CmaEsConfig, ConfigError, Coordinate, StopReason, Stops, TellError, check};
 use super::gaussian::Gaussian;
 use super::random::candidate_generator;
 use super::strategy::Strategy;
@@ -77,8 +75,8 @@ impl CmaEs {
     ///
     /// # Errors
     ///
-    /// [`CmaEsConfigError`] names the field that cannot run.
-    pub fn new(config: CmaEsConfig) -> Result<Self, CmaEsConfigError> {
+    /// [`ConfigError`] names the field that cannot run.
+    pub fn new(config: CmaEsConfig) -> Result<Self, ConfigError> {
         check(&config)?;
         let n = config.mean.len();
         let lambda = config.lambda.unwrap_or_else(|| Strategy::default_lambda(n));
@@ -104,7 +102,7 @@ impl CmaEs {
     }
 
     fn middle(&self) -> Vec<f64> {
-        self.each(|i| self.gaussian.mean()[i], |j| self.choices.middle(j))
+        self.each(|i| self.gaussian.mean[i], |j| self.choices.middle(j))
     }
 
     /// Collects a value of every coordinate, in their order, by kind.
@@ -169,7 +167,7 @@ impl CmaEs {
         let draws = order.into_iter().map(|candidate| self.draw(candidate));
         let (steps, names): (Vec<_>, Vec<_>) = draws.map(|draw| (draw.step, draw.names)).unzip();
         self.gaussian.learn(&steps);
-        let strategy = self.gaussian.strategy();
+        let strategy = &self.gaussian.strategy;
         self.choices.learn(&strategy.weights[..strategy.mu], &names);
     }
 
@@ -197,7 +195,7 @@ impl CmaEs {
 
     /// Constants of the search.
     pub fn strategy(&self) -> &Strategy {
-        self.gaussian.strategy()
+        &self.gaussian.strategy
     }
 
     /// Mean of the distribution, inside the cube when the search is bounded; for a choice, the
@@ -208,7 +206,7 @@ impl CmaEs {
 
     /// Step size σ.
     pub fn sigma(&self) -> f64 {
-        self.gaussian.sigma()
+        self.gaussian.sigma
     }
 
     /// Probability of each name of a choice; `None` for other coordinates.

@@ -112,8 +112,8 @@ pub enum StopReason {
 /// A setting that cannot run.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{field} = {value} must be {expected}")]
-pub struct CmaEsConfigError {
-    /// The field of [`CmaEsConfig`].
+pub struct ConfigError {
+    /// The field of [`CmaEsConfig`] or [`crate::ParetoConfig`].
     pub field: &'static str,
     /// Its value.
     pub value: String,
@@ -132,8 +132,8 @@ pub struct TellError {
 }
 
 /// Refuses the first field that cannot run.
-pub(super) fn check(config: &CmaEsConfig) -> Result<(), CmaEsConfigError> {
-    let fail = |field, value: String, expected| Err(CmaEsConfigError { field, value, expected });
+pub(super) fn check(config: &CmaEsConfig) -> Result<(), ConfigError> {
+    let fail = |field, value: String, expected| Err(ConfigError { field, value, expected });
     if config.mean.is_empty() || config.mean.iter().any(|m| !m.is_finite()) {
         return fail("mean", format!("{:?}", config.mean), "at least one finite number");
     }

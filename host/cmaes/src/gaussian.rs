@@ -9,12 +9,13 @@ use super::strategy::{Constants, Strategy};
 /// N(m, σ²C) over the real and whole coordinates; there may be none.
 #[derive(Clone, Debug)]
 pub(super) struct Gaussian {
-    strategy: Strategy,
+    pub(super) strategy: Strategy,
     bounded: bool,
     margin: Margin,
     generation: u64,
-    mean: DVector<f64>,
-    sigma: f64,
+    /// m.
+    pub(super) mean: DVector<f64>,
+    pub(super) sigma: f64,
     c: DMatrix<f64>,
     /// Eigenvectors of C, in columns.
     b: DMatrix<f64>,
@@ -211,21 +212,6 @@ impl Gaussian {
             c.ger(length * length, &axis, &axis, 1.0);
         }
         c
-    }
-
-    /// Constants of the search.
-    pub(super) fn strategy(&self) -> &Strategy {
-        &self.strategy
-    }
-
-    /// m.
-    pub(super) fn mean(&self) -> &[f64] {
-        self.mean.as_slice()
-    }
-
-    /// σ.
-    pub(super) fn sigma(&self) -> f64 {
-        self.sigma
     }
 
     /// σ√C_ii.

@@ -1,22 +1,6 @@
 //! CMA-ES: ask, tell, stop.
 //!
-//! ```
-//! use echoloop_cmaes::{CmaEs, CmaEsConfig};
-//!
-//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let distance = |x: &[f64]| x.iter().map(|x| (x - 0.7).powi(2)).sum::<f64>();
-//! let mut config = CmaEsConfig::unit_cube(vec![0.5; 4], 0.2, 1); // start, step size, seed
-//! config.stops.generations = Some(60);
-//! let mut search = CmaEs::new(config)?;
-//! while search.stop().is_none() {
-//!     let candidates = search.ask();
-//!     let values: Vec<f64> = candidates.iter().map(|c| distance(&c.phenotype)).collect();
-//!     search.tell(&values)?; // smaller is better; what is not finite ranks last
-//! }
-//! assert!(distance(search.mean()) < 1e-6);
-//! # Ok(())
-//! # }
-//! ```
+//! An example: `README.md`.
 //!
 //! Candidate i of generation g is a function of the seed and of the values told, the same on every
 //! machine and any number of threads. To resume a search, tell it the same values again.
@@ -46,10 +30,9 @@ mod strategy;
 
 pub use bounds::reflect;
 pub use cmaes::{Candidate, CmaEs};
-pub use config::{CmaEsConfig, CmaEsConfigError, Coordinate, StopReason, Stops, TellError};
+pub use config::{CmaEsConfig, ConfigError, Coordinate, StopReason, Stops, TellError};
 pub use pareto::{
-    Objectives, Pareto, ParetoConfig, ParetoConfigError, Valued, dominates, hypervolume, ranks,
-    sorted_by_crowding,
+    Objectives, Pareto, ParetoConfig, Valued, dominates, hypervolume, ranks, sorted_by_crowding,
 };
 pub use strategy::{Constants, Strategy};
 

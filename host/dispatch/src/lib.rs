@@ -92,7 +92,8 @@ impl V3 {
 /// | form | builds besides the plain one |
 /// |---|---|
 /// | `fn f(x: T) -> R = body;` | `body` for [`has_v3`]; it must be `#[inline(always)]` |
-/// | `fn f(x: T) -> R = body, v3: other;` | `other`, a safe function with [`has_v3`]'s features |
+/// | `… = body, with: plain, v3_with: wide;` | `body(x, wide)`; the plain one is `body(x, plain)` |
+/// | `… = body, v3: other;` | `other`, a safe function with [`has_v3`]'s features |
 /// | `… = body, v3: other, avx512: wide;` | also `wide`, a safe one with [`has_avx512`]'s |
 ///
 /// The plain build is `body` itself, for tests to compare with.
@@ -101,7 +102,9 @@ macro_rules! dispatch {
     ($(
         $(#[$attribute:meta])*
         $visibility:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)?
-            = $body:path $(, v3: $other:path $(, avx512: $wide:path)?)?;
+            = $body:path
+            $(, with: $plain:expr, v3_with: $vector:expr)?
+            $(, v3: $other:path $(, avx512: $wide:path)?)?;
     )*) => {$(
         $(#[$attribute])*
         $visibility fn $name($($argument: $type),*) $(-> $result)? {
@@ -110,12 +113,12 @@ macro_rules! dispatch {
             if $crate::has_v3() {
                 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
                 fn v3($($argument: $type),*) $(-> $result)? {
-                    $crate::one_of!([$($other)?] [$body])($($argument),*)
+                    $crate::one_of!([$($other)?] [$body])($($argument,)* $($vector)?)
                 }
                 // SAFETY: the features that it is compiled for have just been found.
                 return unsafe { v3($($argument),*) };
             }
-            $body($($argument),*)
+            $body($($argument,)* $($plain)?)
         }
     )*};
 }

@@ -57,10 +57,6 @@ pub fn read_text(path: &Path, most: u64) -> Result<String> {
 }
 
 /// [`read_text`] from an open reader, such as standard input.
-///
-/// # Errors
-///
-/// As for [`read_text`].
 pub fn text_from(from: impl Read, most: u64) -> Result<String> {
     let bytes = read_most(from, most)?;
     let not_text = |error: std::string::FromUtf8Error| {

@@ -1,83 +1,57 @@
 //! A column: one number of each point, with the bits that the file has.
 
-/// The type of a number in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NumberType {
-    /// Signed integer, 1 byte.
-    I8,
-    /// Unsigned integer, 1 byte.
-    U8,
-    /// Signed integer, 2 bytes.
-    I16,
-    /// Unsigned integer, 2 bytes.
-    U16,
-    /// Signed integer, 4 bytes.
-    I32,
-    /// Unsigned integer, 4 bytes.
-    U32,
-    /// Signed integer, 8 bytes.
-    I64,
-    /// Unsigned integer, 8 bytes.
-    U64,
-    /// IEEE 754, 4 bytes.
-    F32,
-    /// IEEE 754, 8 bytes.
-    F64,
+/// Declares [`NumberType`] from Rust's types.
+macro_rules! number_types {
+    ($($name:ident $type:ident),+) => {
+        /// The type of a number in a file.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum NumberType {
+            $(#[doc = concat!("As Rust's `", stringify!($type), "`.")] $name,)+
+        }
+
+        impl NumberType {
+            /// Bytes of one number.
+            #[must_use]
+            pub fn size(self) -> usize {
+                match self { $(Self::$name => size_of::<$type>(),)+ }
+            }
+
+            /// The number in the first bytes of eight, little endian.
+            #[must_use]
+            pub fn value(self, bytes: [u8; 8]) -> f64 {
+                match self {
+                    $(Self::$name => {
+                        let mut number = [0; size_of::<$type>()];
+                        number.copy_from_slice(&bytes[..size_of::<$type>()]);
+                        $type::from_le_bytes(number) as f64
+                    })+
+                }
+            }
+
+            /// The little-endian bytes of a number, first of eight; an integer type rounds and
+            /// saturates.
+            #[must_use]
+            pub fn bytes(self, value: f64) -> [u8; 8] {
+                let is_float = matches!(self, Self::F32 | Self::F64);
+                let value = if is_float { value } else { value.round() };
+                match self { $(Self::$name => padded(&(value as $type).to_le_bytes()),)+ }
+            }
+        }
+
+        #[cfg(test)]
+        const TYPES: &[NumberType] = &[$(NumberType::$name),+];
+    };
 }
 
-impl NumberType {
-    /// Bytes of one number.
-    #[must_use]
-    pub fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-        }
-    }
-
-    /// The number in the first bytes of eight, little endian.
-    #[must_use]
-    pub fn value(self, bytes: [u8; 8]) -> f64 {
-        let [a, b, c, d, ..] = bytes;
-        match self {
-            Self::I8 => a.cast_signed().into(),
-            Self::U8 => a.into(),
-            Self::I16 => i16::from_le_bytes([a, b]).into(),
-            Self::U16 => u16::from_le_bytes([a, b]).into(),
-            Self::I32 => i32::from_le_bytes([a, b, c, d]).into(),
-            Self::U32 => u32::from_le_bytes([a, b, c, d]).into(),
-            Self::I64 => i64::from_le_bytes(bytes) as f64,
-            Self::U64 => u64::from_le_bytes(bytes) as f64,
-            Self::F32 => f32::from_le_bytes([a, b, c, d]).into(),
-            Self::F64 => f64::from_le_bytes(bytes),
-        }
-    }
-
-    /// The little-endian bytes of a number, first of eight; an integer type rounds and saturates.
-    #[must_use]
-    pub fn bytes(self, value: f64) -> [u8; 8] {
-        let whole = value.round();
-        match self {
-            Self::I8 => eight((whole as i8).to_le_bytes()),
-            Self::U8 => eight((whole as u8).to_le_bytes()),
-            Self::I16 => eight((whole as i16).to_le_bytes()),
-            Self::U16 => eight((whole as u16).to_le_bytes()),
-            Self::I32 => eight((whole as i32).to_le_bytes()),
-            Self::U32 => eight((whole as u32).to_le_bytes()),
-            Self::I64 => (whole as i64).to_le_bytes(),
-            Self::U64 => (whole as u64).to_le_bytes(),
-            Self::F32 => eight((value as f32).to_le_bytes()),
-            Self::F64 => value.to_le_bytes(),
-        }
-    }
+number_types! {
+    I8 i8, U8 u8, I16 i16, U16 u16, I32 i32, U32 u32, I64 i64, U64 u64, F32 f32, F64 f64
 }
 
-/// The bytes of a number, then zeros up to eight.
-pub fn eight<const N: usize>(bytes: [u8; N]) -> [u8; 8] {
+/// Up to eight bytes, then zeros.
+#[must_use]
+pub fn padded(bytes: &[u8]) -> [u8; 8] {
     let mut eight = [0; 8];
-    eight[..N].copy_from_slice(&bytes);
+    eight[..bytes.len()].copy_from_slice(bytes);
     eight
 }
 
@@ -125,11 +99,7 @@ impl Column {
 
     /// Its numbers. Integers of 8 bytes are rounded to the nearest `f64`.
     pub fn values(&self) -> impl ExactSizeIterator<Item = f64> {
-        self.parts().map(|part| {
-            let mut bytes = [0; 8];
-            bytes[..part.len()].copy_from_slice(part);
-            self.kind.value(bytes)
-        })
+        self.parts().map(|part| self.kind.value(padded(part)))
     }
 
     /// The bytes of each number, little endian.
@@ -175,22 +145,9 @@ impl Column {
 mod tests {
     use super::*;
 
-    const TYPES: [NumberType; 10] = [
-        NumberType::I8,
-        NumberType::U8,
-        NumberType::I16,
-        NumberType::U16,
-        NumberType::I32,
-        NumberType::U32,
-        NumberType::I64,
-        NumberType::U64,
-        NumberType::F32,
-        NumberType::F64,
-    ];
-
     #[test]
     fn every_type_returns_its_numbers_and_rounds_and_saturates_others() {
-        for kind in TYPES {
+        for &kind in TYPES {
             let mut column = Column::new("a", kind, 3);
             [0.0, 7.0, 100.0].into_iter().for_each(|value| column.push(value));
             assert_eq!(column.values().collect::<Vec<_>>(), [0.0, 7.0, 100.0], "{kind:?}");

@@ -16,6 +16,7 @@
 //! | read a whole file within a bound | [`read_data`], [`read_text`], [`text_from`] |
 //! | find files beside a file | [`folder_of`] |
 //! | refuse text with a line that is too long | [`check_lines`] |
+//! | name a file and its fault | [`FileError`] |
 //! | quote a file in a message | [`one_line`], [`printable`] |
 //! | write to standard error | [`say`] |
 //! | read PLY, an element at a time | [`ply`] |
@@ -28,15 +29,14 @@
 pub mod attribute;
 mod bytes;
 mod column;
+mod error;
 pub mod ply;
 mod printable;
 pub mod stderr;
 
 pub use attribute::Attribute;
 pub use bytes::{MOST_TEXT, check_lines, folder_of, read_data, read_text, text_from};
-pub use column::{Column, NumberType, eight};
+pub use column::{Column, NumberType, padded};
+pub use error::FileError;
 pub use printable::{MAX_LINE, one_line, one_line_of, printable};
 pub use stderr::say;
-
-// Former names, until all crates use those above.
-pub use printable::{MAX_LINE as MOST_SHOWN, one_line as shown, one_line_of as shown_most};

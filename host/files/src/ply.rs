@@ -13,7 +13,7 @@ use ply_rs_bw::ply::{
 };
 
 use crate::attribute::RANGE_SD;
-use crate::{Column, NumberType, check_lines, eight, one_line};
+use crate::{Column, NumberType, check_lines, one_line, padded};
 
 /// Most bytes of a header.
 const MOST_HEADER: usize = 1 << 20;
@@ -92,39 +92,26 @@ impl<'a> Body<'a> {
         self.read(element, |Skipped| Ok(()))
     }
 
-    /// Reads the vertices, which must be the next element.
+    /// Reads the vertices, which must be the next element; if `others`, with a column for every other
+    /// property that is no list.
     ///
     /// # Errors
     ///
     /// A message about the data.
-    pub fn vertices(&mut self, element: &ElementDef) -> Result<Vec<[f32; 3]>, String> {
-        Ok(self.points(element)?.at)
-    }
-
-    /// [`Self::vertices`] with the `range_sd` of each, if the file has it.
-    ///
-    /// # Errors
-    ///
-    /// A message about the data.
-    pub fn points(&mut self, element: &ElementDef) -> Result<Points, String> {
-        let mut points = Points::of(element);
-        self.read(element, |vertex: Vertex| {
-            points.push(&vertex);
-            Ok::<_, String>(())
-        })?;
-        Ok(points)
-    }
-
-    /// [`Self::points`] with a column for every other property that is no list.
-    ///
-    /// # Errors
-    ///
-    /// A message about the data.
-    pub fn points_and_columns(
+    pub fn points(
         &mut self,
         element: &ElementDef,
+        others: bool,
     ) -> Result<(Points, Vec<Column>), String> {
-        let (mut points, mut columns) = (Points::of(element), columns(element));
+        let mut points = Points::of(element);
+        let mut columns = if others { columns(element) } else { Vec::new() };
+        if !others {
+            self.read(element, |vertex: Vertex| {
+                points.push(&vertex);
+                Ok::<_, String>(())
+            })?;
+            return Ok((points, columns));
+        }
         self.read(element, |WholeVertex { vertex, others }| {
             points.push(&vertex);
             let others = others.iter().filter_map(number);
@@ -223,14 +210,14 @@ fn scalar(property: &PropertyType) -> Option<NumberType> {
 /// The little-endian bytes of a number; None for a list.
 fn number(property: &Property) -> Option<[u8; 8]> {
     Some(match property {
-        Property::Char(v) => eight(v.to_le_bytes()),
-        Property::UChar(v) => eight(v.to_le_bytes()),
-        Property::Short(v) => eight(v.to_le_bytes()),
-        Property::UShort(v) => eight(v.to_le_bytes()),
-        Property::Int(v) => eight(v.to_le_bytes()),
-        Property::UInt(v) => eight(v.to_le_bytes()),
-        Property::Float(v) => eight(v.to_le_bytes()),
-        Property::Double(v) => eight(v.to_le_bytes()),
+        Property::Char(v) => padded(&v.to_le_bytes()),
+        Property::UChar(v) => padded(&v.to_le_bytes()),
+        Property::Short(v) => padded(&v.to_le_bytes()),
+        Property::UShort(v) => padded(&v.to_le_bytes()),
+        Property::Int(v) => padded(&v.to_le_bytes()),
+        Property::UInt(v) => padded(&v.to_le_bytes()),
+        Property::Float(v) => padded(&v.to_le_bytes()),
+        Property::Double(v) => padded(&v.to_le_bytes()),
         _ => return None,
     })
 }
@@ -371,7 +358,7 @@ mod tests {
         let mut body = Body::new(&header, reader, Some("vertex"))?;
         for element in header.elements.values() {
             if element.name == "vertex" {
-                return body.vertices(vertex);
+                return Ok(body.points(vertex, false)?.0.at);
             }
             body.skip(element)?;
         }

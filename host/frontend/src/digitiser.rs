@@ -276,11 +276,19 @@ mod tests {
 
     #[test]
     fn both_builds_give_the_same_codes() {
-        for beam in 0..32 {
-            let (slow, mut buffers) = (slow(), ShotBuffers::default());
-            for analog in [ANALOG, RISING] {
-                let exposure = Exposure { analog: &analog, ..exposure(&slow, &[NEAR], beam) };
-                let (mut plain, mut fast) = (vec![0; 401], vec![0; 401]);
+        let far = [
+            Return { range_m: 40.0, strength_per_m2: 4e-5 },
+            Return { range_m: 90.0, strength_per_m2: 1e-5 },
+        ];
+        let mut buffers = ShotBuffers::default();
+        for beam in 0..64 {
+            for (receiver, analog, returns) in [
+                (slow(), ANALOG, &[NEAR][..]),
+                (slow(), RISING, &[NEAR]),
+                (Receiver::default(), ANALOG, &far),
+            ] {
+                let exposure = Exposure { analog: &analog, ..exposure(&receiver, returns, beam) };
+                let (mut plain, mut fast) = (vec![0; 801], vec![0; 801]);
                 synthesise_baseline(&exposure, &mut buffers, &mut plain);
                 synthesise(&exposure, &mut buffers, &mut fast);
                 assert_eq!(plain, fast);

@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use super::gaps::{bridge, gaps};
-use super::sample::Sample;
 
 /// Largest code: 14 bits.
 const TOP: f64 = 16_383.0;
@@ -32,12 +31,12 @@ impl Codes {
     ///
     /// Whole numbers keep their step, so that it counts as noise; a line over a gap of them is
     /// rounded.
-    pub fn from_samples<S: Sample>(samples: &[S]) -> Self {
+    pub fn from_samples(samples: &[f64]) -> Self {
         let gaps = gaps(samples);
         if gaps.is_empty() {
             return Self::from_whole_record(samples);
         }
-        let mut values: Vec<f64> = samples.iter().map(|&v| v.into()).collect();
+        let mut values = samples.to_vec();
         let whole = values.iter().all(|v| v.fract() == 0.0);
         bridge(&mut values, &gaps);
         if whole {
@@ -46,8 +45,8 @@ impl Codes {
         Self { gaps, ..Self::from_whole_record(&values) }
     }
 
-    fn from_whole_record<S: Sample>(samples: &[S]) -> Self {
-        let values = || samples.iter().map(|&v| -> f64 { v.into() });
+    fn from_whole_record(samples: &[f64]) -> Self {
+        let values = || samples.iter().copied();
         let min = values().fold(f64::INFINITY, f64::min);
         let max = values().fold(f64::NEG_INFINITY, f64::max);
         // Halves, since the range of two finite numbers may overflow.
@@ -104,6 +103,6 @@ mod tests {
         assert_eq!(Codes::from_samples(&[1e-300, 3e-300]).codes, [0, 16_383]);
         assert_eq!(Codes::from_samples(&[f64::MIN_POSITIVE; 4]).codes, [0; 4]);
         assert_eq!(Codes::from_samples(&[7.0; 3]).codes, [0; 3]);
-        assert!(Codes::from_samples::<f64>(&[]).codes.is_empty());
+        assert!(Codes::from_samples(&[]).codes.is_empty());
     }
 }

@@ -1,29 +1,27 @@
 //! CSV without a header, one waveform a line.
 
-use echoloop_files::shown_most;
+use echoloop_files::one_line_of;
 
-use super::problem::Problem;
+use super::read::no_number;
 
 /// Numbers of all rows end to end, and the end of each row among them. A line may be empty, end in
 /// commas, quote its numbers or end in CR LF; empty lines at the end are no rows.
-pub(super) fn parse(bytes: &[u8]) -> Result<(Vec<f64>, Vec<u32>), Problem> {
+pub(super) fn parse(bytes: &[u8]) -> Result<(Vec<f64>, Vec<u32>), String> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let text = str::from_utf8(bytes).map_err(|error| {
         let found = format!("bytes that are no text at offset {}", error.valid_up_to());
-        Problem::Format(format!(
-            "expected CSV (numbers between commas) or a NumPy .npy array, found {found}"
-        ))
+        format!("expected CSV (numbers between commas) or a NumPy .npy array, found {found}")
     })?;
     let (mut numbers, mut ends) = (Vec::new(), Vec::new());
     for (line, row) in text.trim_end().lines().zip(1..) {
         parse_row(line, row, &mut numbers)?;
         let end = u32::try_from(numbers.len());
-        ends.push(end.map_err(|_| Problem::Format("more than four billion numbers".into()))?);
+        ends.push(end.map_err(|_| "more than four billion numbers")?);
     }
     Ok((numbers, ends))
 }
 
-fn parse_row(line: &str, row: usize, numbers: &mut Vec<f64>) -> Result<(), Problem> {
+fn parse_row(line: &str, row: usize, numbers: &mut Vec<f64>) -> Result<(), String> {
     let line = line.trim_end_matches(|c: char| c == ',' || c.is_whitespace());
     let cells = line.split(',').filter(|_| !line.is_empty());
     for (cell, column) in cells.zip(1..) {
@@ -32,17 +30,17 @@ fn parse_row(line: &str, row: usize, numbers: &mut Vec<f64>) -> Result<(), Probl
     Ok(())
 }
 
-fn parse_cell(cell: &str, row: usize, column: usize) -> Result<f64, Problem> {
+fn parse_cell(cell: &str, row: usize, column: usize) -> Result<f64, String> {
     let cell = cell.trim().trim_matches('"');
     match cell.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
-        _ => Err(Problem::Cell(row, column, quoted(cell), hint(cell, row))),
+        _ => Err(no_number(row, column, &quoted(cell), hint(cell, row))),
     }
 }
 
 /// A cell in quotes, cut to the length of a message.
 fn quoted(cell: &str) -> String {
-    match shown_most(cell, 24) {
+    match one_line_of(cell, 24) {
         nothing if nothing.is_empty() => "nothing".into(),
         some => format!("'{some}'"),
     }
@@ -87,13 +85,9 @@ mod tests {
             ("1,2\n3 4", 2, 1, "'3 4'", " (numbers are separated by commas)"),
         ];
         for (text, row, column, found, hint) in table {
-            assert_eq!(
-                parse(text.as_bytes()),
-                Err(Problem::Cell(row, column, found.into(), hint)),
-                "{text}"
-            );
+            assert_eq!(parse(text.as_bytes()), Err(no_number(row, column, found, hint)), "{text}");
         }
-        assert!(matches!(parse(&[b'1', 0xff]), Err(Problem::Format(_))));
+        assert!(parse(&[b'1', 0xff]).unwrap_err().contains("no text at offset 1"));
     }
 
     #[test]

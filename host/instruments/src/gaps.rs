@@ -2,41 +2,36 @@
 
 use std::ops::Range;
 
-use super::sample::Sample;
-
 /// Gaps of a record: runs of zeros inside it, either all of them or none.
 ///
 /// An instrument that keeps only samples near echoes writes the rest as zeros. The runs are gaps
 /// when every sample beside a run is higher than the steepest step between two samples outside the
 /// runs: a signal that slow does not fall to zero at once. In a record that rests at zero or swings
 /// through it, zeros are samples.
-pub(super) fn gaps<S: Sample>(row: &[S]) -> Vec<Range<usize>> {
+pub(super) fn gaps(row: &[f64]) -> Vec<Range<usize>> {
     let runs = inner_runs(row);
     if runs.is_empty() {
         return runs;
     }
-    let value = |i: usize| -> f64 { row[i].into() };
-    let is_zero = |v: S| -> bool { Into::<f64>::into(v) == 0.0 };
-    let steps = row.windows(2).filter(|pair| !is_zero(pair[0]) && !is_zero(pair[1]));
-    let half = |v: S| -> f64 { Into::<f64>::into(v) / 2.0 };
-    let step = |pair: &[S]| (half(pair[1]) - half(pair[0])).abs();
+    let steps = row.windows(2).filter(|pair| pair[0] != 0.0 && pair[1] != 0.0);
+    let step = |pair: &[f64]| (pair[1] / 2.0 - pair[0] / 2.0).abs();
     let steepest = steps.map(step).fold(0.0, f64::max);
-    let lowest = runs.iter().flat_map(|run| [run.start - 1, run.end]).map(value);
+    let lowest = runs.iter().flat_map(|run| [row[run.start - 1], row[run.end]]);
     // Halves, since the step between two finite numbers may overflow.
     if lowest.fold(f64::INFINITY, f64::min) / 2.0 > steepest { runs } else { Vec::new() }
 }
 
 /// Runs of zeros with a sample before and after.
-fn inner_runs<S: Sample>(row: &[S]) -> Vec<Range<usize>> {
+fn inner_runs(row: &[f64]) -> Vec<Range<usize>> {
     let mut runs: Vec<Range<usize>> = Vec::new();
     let last = row.len().saturating_sub(1);
-    for i in (1..last).filter(|&i| row[i].into() == 0.0) {
+    for i in (1..last).filter(|&i| row[i] == 0.0) {
         match runs.last_mut() {
             Some(run) if run.end == i => run.end = i + 1,
             _ => runs.push(i..i + 1),
         }
     }
-    runs.retain(|run| row[run.start - 1].into() != 0.0 && row[run.end].into() != 0.0);
+    runs.retain(|run| row[run.start - 1] != 0.0 && row[run.end] != 0.0);
     runs
 }
 

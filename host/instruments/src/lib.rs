@@ -35,13 +35,11 @@ pub mod echoes;
 pub mod finder;
 mod gaps;
 mod npy;
-mod problem;
 pub mod read;
 pub mod response;
 mod rows;
-pub mod sample;
 
 pub use echoes::{Echo, Finder, Options, Waveform};
-pub use read::{WaveformError, parse_waveforms, read_waveforms};
+pub use read::{parse_waveforms, read_waveforms};
 pub use response::Response;
 pub use rows::Rows;

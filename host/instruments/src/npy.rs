@@ -9,9 +9,9 @@
 //! No crate reads it: those bring a parser generator and assembly for the three entries of the
 //! header.
 
-use echoloop_files::shown;
+use echoloop_files::{NumberType, one_line, padded};
 
-use super::problem::Problem;
+use super::read::no_number;
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -45,24 +45,16 @@ impl Array {
                 true => column * self.rows + row,
                 false => row * self.columns + column,
             };
-            let at = self.start + index * self.number.size;
-            self.number.read(&self.bytes[at..at + self.number.size])
+            let at = self.start + index * self.number.kind.size();
+            self.number.read(&self.bytes[at..at + self.number.kind.size()])
         })
     }
 
-    /// Bytes of a row, where the array is of `u8` or `bool` and its rows are contiguous.
-    pub(super) fn row_of_bytes(&self, row: usize) -> Option<&[u8]> {
-        let is_contiguous = !self.by_columns || self.rows == 1;
-        let is_bytes = self.number.size == 1 && self.number.kind != 'i';
-        let at = self.start + row * self.columns;
-        (is_contiguous && is_bytes).then(|| &self.bytes[at..at + self.columns])
-    }
-
     /// Refuses numbers that are not finite.
-    fn check(&self) -> Result<(), Problem> {
+    fn check(&self) -> Result<(), String> {
         for row in 0..self.rows {
             if let Some((column, value)) = self.row(row).enumerate().find(|(_, v)| !v.is_finite()) {
-                return Err(Problem::Cell(row + 1, column + 1, value.to_string(), ""));
+                return Err(no_number(row + 1, column + 1, &value.to_string(), ""));
             }
         }
         Ok(())
@@ -70,24 +62,24 @@ impl Array {
 }
 
 /// An array of two dimensions, or of one dimension as a single row.
-pub(super) fn parse(bytes: Vec<u8>) -> Result<Array, Problem> {
+pub(super) fn parse(bytes: Vec<u8>) -> Result<Array, String> {
     let (header, data) = split(&bytes)
-        .ok_or_else(|| format("a header that ends within the file", "a shorter file"))?;
+        .ok_or_else(|| refused("a header that ends within the file", "a shorter file"))?;
     let (rows, columns) = shape(entry(header, "shape").unwrap_or_default())?;
     let number = Number::from_descr(entry(header, "descr").unwrap_or_default())?;
     let by_columns = match entry(header, "fortran_order").unwrap_or_default() {
         order if order.starts_with("False") => false,
         order if order.starts_with("True") => true,
-        order => return Err(format("fortran_order True or False", order)),
+        order => return Err(refused("fortran_order True or False", order)),
     };
     let numbers = rows.checked_mul(columns);
-    if numbers.and_then(|n| n.checked_mul(number.size)) != Some(data.len()) {
-        let wanted = std::format!("{rows} × {columns} numbers of {} bytes", number.size);
-        return Err(format(&wanted, &std::format!("{} bytes", data.len())));
+    if numbers.and_then(|n| n.checked_mul(number.kind.size())) != Some(data.len()) {
+        let wanted = format!("{rows} × {columns} numbers of {} bytes", number.kind.size());
+        return Err(refused(&wanted, &format!("{} bytes", data.len())));
     }
     if columns == 0 && rows > 0 {
         // Rows without a number take no room in the file: nothing bounds how many it claims.
-        return Err(format("a number or more a row", &std::format!("{rows} × 0 numbers")));
+        return Err(refused("a number or more a row", &format!("{rows} × 0 numbers")));
     }
     let start = bytes.len() - data.len();
     let array = Array { bytes, start, rows, columns, number, by_columns };
@@ -95,11 +87,9 @@ pub(super) fn parse(bytes: Vec<u8>) -> Result<Array, Problem> {
     Ok(array)
 }
 
-fn format(expected: &str, found: &str) -> Problem {
-    Problem::Format(std::format!(
-        "not a .npy array of waveforms: expected {expected}, found {}",
-        shown(found)
-    ))
+fn refused(expected: &str, found: &str) -> String {
+    let found = one_line(found);
+    format!("not a .npy array of waveforms: expected {expected}, found {found}")
 }
 
 /// Header and data.
@@ -116,15 +106,13 @@ fn split(bytes: &[u8]) -> Option<(&str, &[u8])> {
 
 /// Rest of the header after a key and its colon.
 fn entry<'h>(header: &'h str, key: &str) -> Option<&'h str> {
-    let after = ["'", "\""]
-        .iter()
-        .find_map(|quote| header.split_once(&std::format!("{quote}{key}{quote}")))?
-        .1;
+    let after =
+        ["'", "\""].iter().find_map(|quote| header.split_once(&format!("{quote}{key}{quote}")))?.1;
     Some(after.trim_start().strip_prefix(':')?.trim_start())
 }
 
 /// Rows and columns of `(3, 4), …` or `(4,), …`.
-fn shape(text: &str) -> Result<(usize, usize), Problem> {
+fn shape(text: &str) -> Result<(usize, usize), String> {
     let inside =
         text.strip_prefix('(').and_then(|text| text.split_once(')')).map(|(inside, _)| inside);
     let sizes = inside.map(|inside| {
@@ -134,9 +122,9 @@ fn shape(text: &str) -> Result<(usize, usize), Problem> {
         Some(Ok::<Vec<usize>, _>(sizes)) => match sizes[..] {
             [columns] => Ok((1, columns)),
             [rows, columns] => Ok((rows, columns)),
-            _ => Err(format("one or two dimensions", &std::format!("{}", sizes.len()))),
+            _ => Err(refused("one or two dimensions", &format!("{}", sizes.len()))),
         },
-        _ => Err(format("a shape", text.split(')').next().unwrap_or_default())),
+        _ => Err(refused("a shape", text.split(')').next().unwrap_or_default())),
     }
 }
 
@@ -144,17 +132,30 @@ fn shape(text: &str) -> Result<(usize, usize), Problem> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Number {
     big_endian: bool,
-    kind: char,
-    size: usize,
+    kind: NumberType,
 }
+
+/// Types of numbers by their names in NumPy, the byte order left out.
+const TYPES: [(&str, NumberType); 11] = [
+    ("b1", NumberType::U8),
+    ("u1", NumberType::U8),
+    ("u2", NumberType::U16),
+    ("u4", NumberType::U32),
+    ("u8", NumberType::U64),
+    ("i1", NumberType::I8),
+    ("i2", NumberType::I16),
+    ("i4", NumberType::I32),
+    ("i8", NumberType::I64),
+    ("f4", NumberType::F32),
+    ("f8", NumberType::F64),
+];
 
 impl Number {
     /// From `'<f8', …`.
-    fn from_descr(text: &str) -> Result<Self, Problem> {
+    fn from_descr(text: &str) -> Result<Self, String> {
         let name =
             text.trim_start_matches(['\'', '"']).split(['\'', '"']).next().unwrap_or_default();
-        let unknown =
-            || format("numbers (u1 to u8, i1 to i8, f4, f8, b1)", &std::format!("'{name}'"));
+        let unknown = || refused("numbers (u1 to u8, i1 to i8, f4, f8, b1)", &format!("'{name}'"));
         let mut letters = name.chars();
         let big_endian = match letters.next() {
             Some('<' | '|') => false,
@@ -162,29 +163,17 @@ impl Number {
             Some('>') => true,
             _ => return Err(unknown()),
         };
-        match (letters.next(), letters.as_str().parse()) {
-            (Some(kind @ ('u' | 'i')), Ok(size @ (1 | 2 | 4 | 8)))
-            | (Some(kind @ 'f'), Ok(size @ (4 | 8)))
-            | (Some(kind @ 'b'), Ok(size @ 1)) => Ok(Self { big_endian, kind, size }),
-            _ => Err(unknown()),
-        }
+        let known = TYPES.iter().find(|(name, _)| *name == letters.as_str());
+        known.map(|&(_, kind)| Self { big_endian, kind }).ok_or_else(unknown)
     }
 
-    /// One number of `size` bytes.
+    /// One number of as many bytes as its type has.
     fn read(&self, bytes: &[u8]) -> f64 {
-        let mut whole = [0; 8];
-        whole[..self.size].copy_from_slice(bytes);
+        let mut whole = padded(bytes);
         if self.big_endian {
-            whole[..self.size].reverse();
+            whole[..bytes.len()].reverse();
         }
-        let bits = u64::from_le_bytes(whole);
-        let unused = 64 - 8 * self.size as u32;
-        match (self.kind, self.size) {
-            ('f', 4) => f64::from(f32::from_bits(bits as u32)),
-            ('f', _) => f64::from_bits(bits),
-            ('i', _) => ((bits << unused) as i64 >> unused) as f64,
-            _ => bits as f64,
-        }
+        self.kind.value(whole)
     }
 }
 
@@ -193,7 +182,7 @@ impl Number {
 mod tests {
     use super::*;
 
-    fn rows(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
+    fn rows(bytes: &[u8]) -> Result<Vec<Vec<f64>>, String> {
         let array = parse(bytes.to_vec())?;
         Ok((0..array.rows()).map(|row| array.row(row).collect()).collect())
     }
@@ -237,7 +226,7 @@ mod tests {
     fn a_number_that_is_not_finite_is_named_by_row_and_column() {
         let data: Vec<u8> = [1f32, 2., 3., f32::NAN].iter().flat_map(|v| v.to_le_bytes()).collect();
         let file = file("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 2), }", &data);
-        assert_eq!(rows(&file), Err(Problem::Cell(2, 2, "NaN".into(), "")));
+        assert_eq!(rows(&file), Err(no_number(2, 2, "NaN", "")));
     }
 
     #[test]
@@ -280,7 +269,7 @@ mod tests {
             (MAGIC.to_vec(), "a header that ends within the file"),
         ];
         for (bytes, part) in table {
-            let Err(Problem::Format(problem)) = rows(&bytes) else { panic!("{part}") };
+            let problem = rows(&bytes).expect_err(part);
             assert!(problem.contains(part), "{problem}");
         }
     }

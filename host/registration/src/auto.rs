@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use crate::global::matched;
 use crate::overlap::{Overlap, Scene};
 use crate::{
-    AutoConfig, ConfigError, FeatureConfig, Gicp, GicpConfig, Icp, IcpConfig, Mac, MacConfig,
-    Outcome, Registration, Source, StopReason, Suggestions, Target,
+    AutoConfig, FeatureConfig, Gicp, GicpConfig, Icp, IcpConfig, Mac, MacConfig, Outcome,
+    Registration, Source, StopReason, Suggestions, Target,
 };
 
 /// Voxels of the features over the finest one. Features at 0.8 m describe a door, at 2.5 m a house;
@@ -37,7 +37,7 @@ const REFINED_ITERATIONS: usize = 30;
 /// independent evidence, also of open space.
 #[derive(Clone, Debug)]
 pub struct Auto {
-    config: AutoConfig,
+    pub(super) config: AutoConfig,
 }
 
 /// A motion, and its score on the scans.
@@ -56,21 +56,6 @@ struct Bench {
 }
 
 impl Auto {
-    /// Method with these settings.
-    ///
-    /// # Errors
-    ///
-    /// [`ConfigError`] names the field that cannot run.
-    pub fn new(config: AutoConfig) -> Result<Self, ConfigError> {
-        config.check()?;
-        Ok(Self { config })
-    }
-
-    /// The settings.
-    pub fn config(&self) -> &AutoConfig {
-        &self.config
-    }
-
     fn found(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Result<Outcome, StopReason> {
         let bench = Bench::new(target, source, self.config.voxel_m)?;
         let mut guesses = self.guesses(target, source);

@@ -7,7 +7,7 @@ use echoloop_clouds::{Cloud, Pose};
 use self::plane_to_plane::PlaneToPlane;
 use super::icp::descent::Descent;
 use super::icp::pairing::Moving;
-use super::{ConfigError, GicpConfig, IcpConfig, Outcome, Registration, Target};
+use super::{GicpConfig, IcpConfig, Outcome, Registration, Target};
 
 /// Generalised ICP (Segal, Haehnel and Thrun, "Generalized-ICP", RSS 2009): both clouds are
 /// surfaces, and a pair weighs by the uncertainty of its two planes.
@@ -21,25 +21,10 @@ use super::{ConfigError, GicpConfig, IcpConfig, Outcome, Registration, Target};
 /// form no pair.
 #[derive(Clone, Debug)]
 pub struct Gicp {
-    config: GicpConfig,
+    pub(super) config: GicpConfig,
 }
 
 impl Gicp {
-    /// Method with these settings.
-    ///
-    /// # Errors
-    ///
-    /// [`ConfigError`] names the field that cannot run.
-    pub fn new(config: GicpConfig) -> Result<Self, ConfigError> {
-        config.check()?;
-        Ok(Self { config })
-    }
-
-    /// The settings.
-    pub fn config(&self) -> &GicpConfig {
-        &self.config
-    }
-
     /// Finds the motion that brings `source` onto `target`, both prepared with these settings, from
     /// `initial`. The source of one pair can be the target of the next as it is.
     ///
@@ -56,11 +41,8 @@ impl Registration for Gicp {
     fn register(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Outcome {
         let target = Target::prepare(target, &self.config);
         let source = Target::prepare(source, &self.config);
-        match (target, source) {
-            (Ok(target), Ok(source)) => self.align(&target, &source, initial),
-            (target, source) => {
-                Outcome::unprepared(initial, target.err().into_iter().chain(source.err()))
-            }
-        }
+        Outcome::of_prepared(target, source, initial, |target, source| {
+            self.align(target, source, initial)
+        })
     }
 }

@@ -16,7 +16,7 @@ use echoloop_clouds::{Cloud, Pose};
 use self::descent::Descent;
 use self::pairing::Moving;
 use super::normal_equations::NormalEquations;
-use super::{ConfigError, IcpConfig, Outcome, Registration, Source, Target};
+use super::{IcpConfig, Outcome, Registration, Source, Target};
 
 /// Point-to-plane ICP: pair each point with the nearest, step to the least squares, repeat.
 ///
@@ -46,25 +46,10 @@ use super::{ConfigError, IcpConfig, Outcome, Registration, Source, Target};
 /// ```
 #[derive(Clone, Debug)]
 pub struct Icp {
-    config: IcpConfig,
+    pub(super) config: IcpConfig,
 }
 
 impl Icp {
-    /// Method with these settings.
-    ///
-    /// # Errors
-    ///
-    /// [`ConfigError`] names the field that cannot run.
-    pub fn new(config: IcpConfig) -> Result<Self, ConfigError> {
-        config.check()?;
-        Ok(Self { config })
-    }
-
-    /// The settings.
-    pub fn config(&self) -> &IcpConfig {
-        &self.config
-    }
-
     /// Finds the motion that brings `source` onto `target`, both prepared with these settings, from
     /// `initial`.
     ///
@@ -81,11 +66,8 @@ impl Registration for Icp {
     fn register(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Outcome {
         let target = Target::prepare(target, &self.config);
         let source = Source::prepare(source, &self.config);
-        match (target, source) {
-            (Ok(target), Ok(source)) => self.align(&target, &source, initial),
-            (target, source) => {
-                Outcome::unprepared(initial, target.err().into_iter().chain(source.err()))
-            }
-        }
+        Outcome::of_prepared(target, source, initial, |target, source| {
+            self.align(target, source, initial)
+        })
     }
 }

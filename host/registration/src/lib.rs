@@ -1,31 +1,6 @@
 //! Point-cloud registration: the rigid motion that brings one LiDAR scan onto another.
 //!
-//! Read two clouds, choose settings that fit them, register, print the motion:
-//!
-//! ```
-//! use echoloop_registration::clouds::read_cloud;
-//! use echoloop_registration::{Icp, Pose, Registration, suggest};
-//!
-//! # use echoloop_registration::clouds::{Cloud, write_cloud};
-//! # let folder = tempfile::tempdir()?;
-//! # let path = |name: &str| folder.path().join(name);
-//! # let field = |x: f32, y: f32| [x, y, (0.7 * x).sin() + (0.5 * y + 0.2 * x).cos() - 3.0].into();
-//! # let at = |i: i32| field((i % 100) as f32 * 0.2, (i / 100) as f32 * 0.2);
-//! # let mut cloud = Cloud::new((0..10_000).map(at).collect());
-//! # write_cloud(&path("target.ply"), &cloud)?;
-//! # cloud.points.iter_mut().for_each(|p| p.x += 0.25);
-//! # write_cloud(&path("source.ply"), &cloud)?;
-//! let (target, _) = read_cloud(&path("target.ply"))?;
-//! let (source, dropped) = read_cloud(&path("source.ply"))?;
-//! println!("{} points, {dropped}", source.points.len());
-//!
-//! let icp = Icp::new(suggest(&target, &source))?;
-//! let outcome = icp.register(&target, &source, &Pose::identity());
-//! println!("{} ({})", outcome.target_from_source, outcome.stop);
-//! # assert!(outcome.stop.is_success());
-//! # assert!((outcome.target_from_source.translation.x + 0.25).abs() < 0.02);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
+//! An example: `README.md`.
 //!
 //! | to | take |
 //! |---|---|
@@ -46,7 +21,6 @@
 
 mod auto;
 mod bits;
-pub mod cloud;
 pub mod config;
 mod correspondences;
 pub mod covariance;
@@ -58,7 +32,7 @@ pub mod global;
 pub mod icp;
 pub mod mac;
 mod methods;
-pub mod normal_equations;
+mod normal_equations;
 pub mod observability;
 mod outcome;
 pub mod overlap;
@@ -92,9 +66,7 @@ pub use overlap::{Confirmed, Overlap};
 pub use prepared::{PrepareError, Source, Target};
 pub use refine::Refined;
 pub use registration::Registration;
-pub use suggest::{
-    Suggestions, suggest, suggest_features, suggest_gicp, suggest_method, suggest_refinement,
-};
+pub use suggest::{Suggestions, suggest, suggest_features};
 
 /// The example of the README runs as written there.
 #[cfg(doctest)]

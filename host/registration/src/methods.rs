@@ -1,10 +1,27 @@
-//! Building any method from its settings.
+//! Methods from their settings.
 
 use crate::config::with_methods;
 use crate::*;
 
 macro_rules! declare {
     ($($method:ident $config:ident $name:literal $searched:ident $help:literal;)+) => {
+        $(impl $method {
+            /// Method with these settings.
+            ///
+            /// # Errors
+            ///
+            /// [`ConfigError`] names the field that cannot run.
+            pub fn new(config: $config) -> Result<Self, ConfigError> {
+                config.check()?;
+                Ok(Self { config })
+            }
+
+            /// The settings.
+            pub fn config(&self) -> &$config {
+                &self.config
+            }
+        })+
+
         fn alone(method: &MethodConfig) -> Result<Box<dyn Registration>, ConfigError> {
             Ok(match method {
                 $(MethodConfig::$method(config) => Box::new($method::new(*config)?),)+

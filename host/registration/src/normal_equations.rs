@@ -1,7 +1,7 @@
 //! Point-to-plane least squares: from pairs to a step.
 
 use echoloop_dispatch::dispatch;
-use nalgebra::{Matrix6, Point3, Vector3, Vector6};
+use nalgebra::{Matrix6, Vector3, Vector6};
 
 use super::Observability;
 use super::icp::centred::Centred;
@@ -22,7 +22,7 @@ use super::icp::step::Step;
 /// registration of multiple range images", 1992), linear in a small turn `ω` about the origin and a
 /// shift `t` (Low 2004).
 #[derive(Clone, Debug, Default)]
-pub struct NormalEquations {
+pub(super) struct NormalEquations {
     /// Σ w j jᵀ, m² for turns; the lower half is not filled.
     pub(super) jj: [[f64; 6]; 6],
     /// Σ j jᵀ, without weights.
@@ -40,98 +40,21 @@ pub struct NormalEquations {
     /// Sum of the weights of the pairs: their count in plain least squares.
     pub(super) weight: f64,
     /// Count of the pairs.
-    pub pairs: usize,
+    pub(super) pairs: usize,
 }
 
 impl NormalEquations {
-    /// Adds a pair: moved source point `s`, target point `q`, m, and its unit normal `n`.
-    #[inline]
-    pub fn add(&mut self, s: &Point3<f64>, q: &Point3<f64>, n: &Vector3<f64>) {
-        let d = s - q;
-        let r = n.dot(&d);
-        let turn = s.coords.cross(n);
-        let j = [turn.x, turn.y, turn.z, n.x, n.y, n.z];
-        for (row, (jj, jr)) in self.jj.iter_mut().zip(&mut self.jr).enumerate() {
-            *jr += j[row] * r;
-            for column in row..6 {
-                jj[column] += j[row] * j[column];
-                self.unweighted[row][column] += j[row] * j[column];
-            }
-        }
-        self.s += s.coords;
-        self.ss += s.coords.norm_squared();
-        self.rr += r * r;
-        self.dd += d.norm_squared();
-        self.weight += 1.0;
-        self.pairs += 1;
-    }
-
-    /// Adds the sums of other pairs.
-    pub fn merge(mut self, other: &Self) -> Self {
-        for (ours, theirs) in self.jj.iter_mut().flatten().zip(other.jj.iter().flatten()) {
-            *ours += theirs;
-        }
-        for (ours, theirs) in
-            self.unweighted.iter_mut().flatten().zip(other.unweighted.iter().flatten())
-        {
-            *ours += theirs;
-        }
-        for (ours, theirs) in self.jr.iter_mut().zip(&other.jr) {
-            *ours += theirs;
-        }
-        self.s += other.s;
-        self.ss += other.ss;
-        self.rr += other.rr;
-        self.dd += other.dd;
-        self.weight += other.weight;
-        self.pairs += other.pairs;
-        self
-    }
-
-    /// Root mean square distance of the pairs, m.
-    pub fn rmse_m(&self) -> f64 {
-        (self.dd / self.pairs.max(1) as f64).sqrt()
-    }
-
-    /// Root mean square distance to the planes, m.
-    pub fn plane_rmse_m(&self) -> f64 {
-        (self.rr / self.pairs.max(1) as f64).sqrt()
-    }
-
-    /// Σ w j jᵀ.
-    pub(super) fn information(&self) -> Matrix6<f64> {
-        whole(&self.jj)
-    }
-
-    /// The frame that steps are solved in.
-    pub(super) fn centred(&self) -> Centred {
-        Centred::new(self.pairs, &self.s, self.ss)
-    }
-
     /// Motions that the pairs determine, without weights: a wall of small weight still holds its
     /// direction.
     pub(super) fn observability(&self, centred: &Centred, threshold: f64) -> Observability {
         let unweighted = centred.square(&whole(&self.unweighted)) / self.pairs.max(1) as f64;
         Observability::from_information(&unweighted, threshold)
     }
+}
 
-    /// The step to the least squares, and the directions that the pairs determine with at least the
-    /// share `degeneracy_threshold` of the information; it does not move along the others (solution
-    /// remapping, Zhang, Kaess and Singh 2016).
-    pub fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {
-        let n = if self.weight > 0.0 { self.weight } else { 1.0 };
-        let centred = self.centred();
-        let information = centred.square(&self.information()) / n;
-        let right = -centred.right(&Vector6::from(self.jr)) / n;
-        let seen = self.observability(&centred, degeneracy_threshold);
-        let solved = if seen.is_degenerate() {
-            None
-        } else {
-            information.cholesky().map(|c| c.solve(&right))
-        };
-        let solved = solved.unwrap_or_else(|| seen.solve_within(&information, &right));
-        (centred.step(&solved), seen)
-    }
+/// Adds to each sum its part.
+fn add_each<T>(sums: &mut [f64], parts: &[T], value: impl Fn(&T) -> f64) {
+    sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += value(part));
 }
 
 /// A matrix of which the upper half is filled.
@@ -148,16 +71,38 @@ impl Equations for NormalEquations {
         add_all(self, pairs, kernel);
     }
 
-    fn merge(self, other: &Self) -> Self {
-        self.merge(other)
+    fn merge(mut self, other: &Self) -> Self {
+        add_each(self.jj.as_flattened_mut(), other.jj.as_flattened(), |theirs| *theirs);
+        add_each(self.unweighted.as_flattened_mut(), other.unweighted.as_flattened(), |x| *x);
+        add_each(&mut self.jr, &other.jr, |theirs| *theirs);
+        self.s += other.s;
+        self.ss += other.ss;
+        self.rr += other.rr;
+        self.dd += other.dd;
+        self.weight += other.weight;
+        self.pairs += other.pairs;
+        self
     }
 
+    /// The step does not move along directions that the pairs determine with less than the share
+    /// `degeneracy_threshold` of the information (solution remapping, Zhang, Kaess and Singh 2016).
     fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {
-        self.solve(degeneracy_threshold)
+        let n = if self.weight > 0.0 { self.weight } else { 1.0 };
+        let centred = self.centred();
+        let information = centred.square(&self.information()) / n;
+        let right = -centred.right(&Vector6::from(self.jr)) / n;
+        let seen = self.observability(&centred, degeneracy_threshold);
+        let solved = if seen.is_degenerate() {
+            None
+        } else {
+            information.cholesky().map(|c| c.solve(&right))
+        };
+        let solved = solved.unwrap_or_else(|| seen.solve_within(&information, &right));
+        (centred.step(&solved), seen)
     }
 
     fn information(&self) -> Matrix6<f64> {
-        self.information()
+        whole(&self.jj)
     }
 
     fn score(&self) -> Vector6<f64> {
@@ -165,7 +110,7 @@ impl Equations for NormalEquations {
     }
 
     fn centred(&self) -> Centred {
-        self.centred()
+        Centred::new(self.pairs, &self.s, self.ss)
     }
 
     fn pairs(&self) -> usize {
@@ -173,11 +118,11 @@ impl Equations for NormalEquations {
     }
 
     fn rmse_m(&self) -> f64 {
-        self.rmse_m()
+        (self.dd / self.pairs.max(1) as f64).sqrt()
     }
 
     fn plane_rmse_m(&self) -> f64 {
-        self.plane_rmse_m()
+        (self.rr / self.pairs.max(1) as f64).sqrt()
     }
 }
 
@@ -228,18 +173,12 @@ impl RowSums {
 
     /// Adds what the pairs show, if these rows are of weight 1.
     pub(super) fn add_unweighted_to(&self, sums: &mut NormalEquations) {
-        for (sum, lane) in sums.unweighted.iter_mut().flatten().zip(self.jj.iter().flatten()) {
-            *sum += total(lane);
-        }
+        add_each(sums.unweighted.as_flattened_mut(), self.jj.as_flattened(), total);
     }
 
     pub(super) fn add_to(&self, sums: &mut NormalEquations) {
-        for (sum, lane) in sums.jj.iter_mut().flatten().zip(self.jj.iter().flatten()) {
-            *sum += total(lane);
-        }
-        for (sum, lane) in sums.jr.iter_mut().zip(&self.jr) {
-            *sum += total(lane);
-        }
+        add_each(sums.jj.as_flattened_mut(), self.jj.as_flattened(), total);
+        add_each(&mut sums.jr, &self.jr, total);
     }
 }
 
@@ -280,7 +219,7 @@ impl MomentSums {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use nalgebra::{Translation3, UnitQuaternion};
+    use nalgebra::{Point3, Translation3, UnitQuaternion};
 
     use super::*;
     use echoloop_clouds::Pose;
@@ -315,6 +254,29 @@ mod tests {
     /// pairs point 10 with none.
     const PAIRS: [usize; 14] = [10, 1, 1, 3, 2, 5, 9, 7, 5, 8, 7, 7, 5, 8];
     const PAIRS_2021: [usize; 14] = [10, 10, 10, 8, 10, 2, 7, 7, 3, 6, usize::MAX, 7, 0, 8];
+
+    impl NormalEquations {
+        /// Adds a pair: moved source point `s`, target point `q`, m, and its unit normal `n`.
+        fn add(&mut self, s: &Point3<f64>, q: &Point3<f64>, n: &Vector3<f64>) {
+            let d = s - q;
+            let r = n.dot(&d);
+            let turn = s.coords.cross(n);
+            let j = [turn.x, turn.y, turn.z, n.x, n.y, n.z];
+            for (row, (jj, jr)) in self.jj.iter_mut().zip(&mut self.jr).enumerate() {
+                *jr += j[row] * r;
+                for column in row..6 {
+                    jj[column] += j[row] * j[column];
+                    self.unweighted[row][column] += j[row] * j[column];
+                }
+            }
+            self.s += s.coords;
+            self.ss += s.coords.norm_squared();
+            self.rr += r * r;
+            self.dd += d.norm_squared();
+            self.weight += 1.0;
+            self.pairs += 1;
+        }
+    }
 
     type Pair = (Point3<f64>, Point3<f64>, Vector3<f64>);
 

@@ -2,6 +2,7 @@
 
 use echoloop_clouds::Pose;
 
+use crate::correspondences::Inliers;
 use crate::overlap::Overlap;
 use crate::{Covariance, Observability, PrepareError};
 
@@ -141,12 +142,36 @@ impl Outcome {
         }
     }
 
-    /// The outcome when a cloud could not be prepared. An empty cloud is reported first.
-    pub(crate) fn unprepared(
-        initial: &Pose,
-        errors: impl IntoIterator<Item = PrepareError>,
+    /// The same, with the inliers of its motion among `searched` of `matches` matches.
+    pub(crate) fn agreeing(
+        self,
+        inliers: Inliers,
+        (matches, searched): (usize, usize),
+        margin: Option<f64>,
     ) -> Self {
-        let empty = errors.into_iter().any(|error| error == PrepareError::Empty);
-        Self::nothing(initial, if empty { StopReason::EmptyCloud } else { StopReason::BadSettings })
+        Self {
+            pairs: inliers.count,
+            inlier_fraction: inliers.count as f64 / matches.max(1) as f64,
+            rmse_m: inliers.rmse_m,
+            consensus: Some(Consensus { matches, searched, inliers: inliers.count, margin }),
+            ..self
+        }
+    }
+
+    /// The outcome of `align` for two prepared clouds; the reason when one could not be prepared.
+    /// An empty cloud is reported first.
+    pub(crate) fn of_prepared<T, S>(
+        target: Result<T, PrepareError>,
+        source: Result<S, PrepareError>,
+        initial: &Pose,
+        align: impl FnOnce(&T, &S) -> Self,
+    ) -> Self {
+        match (target, source) {
+            (Ok(target), Ok(source)) => align(&target, &source),
+            (Err(PrepareError::Empty), _) | (_, Err(PrepareError::Empty)) => {
+                Self::nothing(initial, StopReason::EmptyCloud)
+            }
+            _ => Self::nothing(initial, StopReason::BadSettings),
+        }
     }
 }

@@ -6,8 +6,7 @@ use echoloop_clouds::{Cloud, is_finite};
 use nalgebra::Point3;
 
 use super::{
-    AutoConfig, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig, Method,
-    MethodConfig,
+    AutoConfig, FeatureConfig, FgrConfig, FgrMode, IcpConfig, MacConfig, Method, MethodConfig,
 };
 use crate::geometry::kdtree::KdTree;
 use crate::geometry::quantile::quantile;
@@ -75,7 +74,9 @@ impl<'a> Suggestions<'a> {
         if config.check().is_ok() { config } else { FeatureConfig::outdoor() }
     }
 
-    /// As [`suggest_method`].
+    /// Settings of any method. If a voxel is given, the lengths that depend on it follow it.
+    ///
+    /// FGR in mode `open3d` gets the radii and the distance of Open3D's example.
     pub fn method(&self, method: Method, mode: FgrMode, voxel_m: Option<f64>) -> MethodConfig {
         let features = || voxel_m.map_or_else(|| self.features(), FeatureConfig::from_voxel);
         let icp = || voxel_m.map_or_else(|| self.icp(), |voxel_m| self.icp_of_voxel(voxel_m));
@@ -93,7 +94,9 @@ impl<'a> Suggestions<'a> {
         }
     }
 
-    /// As [`suggest_refinement`].
+    /// Settings that refine the motion of a global method with voxel `global_voxel_m`. The voxel is
+    /// that of [`suggest()`], if smaller. The first pairs are at most as far apart as the error of
+    /// the global method, two of its voxels, and at least four voxels of the refinement.
     pub fn refinement(&self, global_voxel_m: f64) -> IcpConfig {
         let voxel_m = self.icp().voxel_m.min(global_voxel_m);
         let config = IcpConfig::refinement(voxel_m);
@@ -149,32 +152,6 @@ impl<'a> Suggestions<'a> {
 /// | pair distance, last | 2 voxels | 0.6 m |
 pub fn suggest(target: &Cloud, source: &Cloud) -> IcpConfig {
     Suggestions::new(target, source).icp()
-}
-
-/// Suggests settings of any method. If a voxel is given, the lengths that depend on it
-/// follow it.
-///
-/// FGR in mode `open3d` gets the radii and the distance of Open3D's example.
-pub fn suggest_method(
-    method: Method,
-    mode: FgrMode,
-    voxel_m: Option<f64>,
-    target: &Cloud,
-    source: &Cloud,
-) -> MethodConfig {
-    Suggestions::new(target, source).method(method, mode, voxel_m)
-}
-
-/// Suggests settings of generalised ICP: the lengths of [`suggest()`], and its own defaults.
-pub fn suggest_gicp(target: &Cloud, source: &Cloud) -> GicpConfig {
-    GicpConfig::from(&suggest(target, source))
-}
-
-/// Suggests settings that refine the motion of a global method with voxel `global_voxel_m`. The
-/// voxel is that of [`suggest()`], if smaller. The first pairs are at most as far apart as the
-/// error of the global method, two of its voxels, and at least four voxels of the refinement.
-pub fn suggest_refinement(target: &Cloud, source: &Cloud, global_voxel_m: f64) -> IcpConfig {
-    Suggestions::new(target, source).refinement(global_voxel_m)
 }
 
 /// Suggests settings of features for both clouds.
@@ -308,13 +285,13 @@ mod tests {
         ];
         for (a, b) in table.iter().flat_map(|a| table.iter().map(move |b| (a, b))) {
             assert_eq!(suggest(a, b).check(), Ok(()));
-            assert_eq!(suggest_gicp(a, b).check(), Ok(()));
             let voxel_m = suggest_features(a, b).voxel_m;
-            assert_eq!(suggest_refinement(a, b, voxel_m).check(), Ok(()));
+            let suggestions = Suggestions::new(a, b);
+            assert_eq!(suggestions.refinement(voxel_m).check(), Ok(()));
             assert_eq!(suggest_features(a, b).check(), Ok(()));
             for method in Method::ALL {
                 for mode in [FgrMode::Annealed, FgrMode::Open3d] {
-                    assert_eq!(suggest_method(method, mode, None, a, b).check(), Ok(()));
+                    assert_eq!(suggestions.method(method, mode, None).check(), Ok(()));
                 }
             }
         }

@@ -6,7 +6,6 @@ use proptest::prelude::*;
 use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
-use super::suggest::{suggest_gicp, suggest_refinement};
 use super::*;
 use echoloop_clouds::pose::{
     Pose, read_pose, relative, rotation_error_deg, to_rows, translation_error_m,
@@ -89,7 +88,7 @@ fn methods() -> Vec<Method> {
         }),
         local("ICP", Box::new(icp()), |a, b| Box::new(Icp::new(suggest(a, b)).unwrap())),
         local("GICP", Box::new(Gicp::new(GicpConfig::outdoor()).unwrap()), |a, b| {
-            Box::new(Gicp::new(suggest_gicp(a, b)).unwrap())
+            Box::new(Gicp::new(GicpConfig::from(&suggest(a, b))).unwrap())
         }),
     ]
 }
@@ -99,7 +98,8 @@ fn local_methods() -> impl Iterator<Item = Method> {
     methods().into_iter().filter(|method| !method.global)
 }
 
-fn on_threads<T: Send>(threads: usize, run: impl FnOnce() -> T + Send) -> T {
+/// Result on so many threads.
+pub(crate) fn on_threads<T: Send>(threads: usize, run: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(run)
 }
 
@@ -512,12 +512,7 @@ fn real_pairs_come_within_the_tolerance_of_their_truth_from_the_identity() {
                     if method.global { (0.3, 1.5) } else { pair.most },
                 );
                 if method.global {
-                    let refinement = Icp::new(suggest_refinement(
-                        target,
-                        source,
-                        suggest_features(target, source).voxel_m,
-                    ))
-                    .unwrap();
+                    let refinement = Icp::new(refinement(target, source)).unwrap();
                     let outcome = refinement.register(target, source, &outcome.target_from_source);
                     pair.holds(&format!("{} refined", method.name), &outcome, &truth, pair.most);
                 }
@@ -537,12 +532,7 @@ fn a_rough_motion_is_refined_within_the_tolerance() {
     for pair in real_pairs() {
         for (target, source, truth) in pair.directions() {
             for error in &rough {
-                let icp = Icp::new(suggest_refinement(
-                    target,
-                    source,
-                    suggest_features(target, source).voxel_m,
-                ))
-                .unwrap();
+                let icp = Icp::new(refinement(target, source)).unwrap();
                 let outcome = icp.register(target, source, &(truth * error));
                 pair.holds("refinement", &outcome, &truth, pair.most);
             }
@@ -550,10 +540,15 @@ fn a_rough_motion_is_refined_within_the_tolerance() {
     }
 }
 
+/// Settings that refine the motion that a method of suggested features found.
+fn refinement(target: &Cloud, source: &Cloud) -> IcpConfig {
+    Suggestions::new(target, source).refinement(suggest_features(target, source).voxel_m)
+}
+
 /// Every scale and guess, then the scans' own verdict, as `register` runs it.
 fn auto(target: &Cloud, source: &Cloud) -> Box<dyn Registration> {
-    build(&suggest_method(crate::Method::Auto, FgrMode::Annealed, None, target, source), None)
-        .unwrap()
+    let suggestions = Suggestions::new(target, source);
+    build(&suggestions.method(crate::Method::Auto, FgrMode::Annealed, None), None).unwrap()
 }
 
 #[test]

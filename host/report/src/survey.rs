@@ -6,7 +6,7 @@ use echoloop_closed_loop::checksum::Checksum;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::dataset::survey::{Survey, SurveyedPair};
 use echoloop_closed_loop::dataset::{Overlaps, towns};
-use echoloop_registration::pose::{Pose, to_rows};
+use echoloop_clouds::pose::{Pose, to_rows};
 use echoloop_sim::picture::{Picture, draw};
 use echoloop_sim::scene::Material;
 use echoloop_sim::viewpoint::Split;
@@ -93,7 +93,7 @@ impl SceneReport<'_> {
         let pair = |pair: &SurveyedPair| {
             let rows = |pose: &Pose| to_rows(pose).as_chunks::<4>().0.to_vec();
             json!({
-                "set": pair.split.to_string(), "number": pair.number,
+                "set": if pair.split == Split::Train { "train" } else { "test" }, "number": pair.number,
                 "viewpoints": pair.viewpoints, "baseline_m": pair.baseline_m(),
                 "turn_deg": pair.turn_deg(), "overlap": pair.overlap,
                 "nearest_other_m": survey.nearest_other_m(pair),

@@ -7,7 +7,7 @@ use std::io;
 use std::time::{Duration, Instant};
 
 use echoloop_dsp::{Echoes, Hardware, Refusal, ScanPattern, Settings};
-use echoloop_files::shown;
+use echoloop_files::one_line;
 use echoloop_link::{
     BEAMS_PER_REPORT, Command, Counters, Decoder, Greeting, MAX_FRAME, Nack, Noise, Report, Room,
     Times, Way, frame, settings_hash,
@@ -219,7 +219,7 @@ impl<T: Transport> Client<T> {
         let Report::Hello { greeting, build, hardware, pattern } = self.say_hello()? else {
             return Err(ClientError::Unexpected { command: "hello" });
         };
-        let build = shown(&build);
+        let build = one_line(&build);
         if greeting != Greeting::OURS {
             return Err(ClientError::Version { theirs: greeting, build });
         }

@@ -14,7 +14,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use echoloop_files::{MOST_TEXT, read_text, shown};
+use echoloop_files::{MOST_TEXT, one_line, read_text};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
@@ -110,7 +110,7 @@ impl Folder {
         let found = Self::plan_of(path)?;
         let is_new = found.is_none();
         if let Some((name, was, is)) = found.and_then(|found| found.difference(&plan)) {
-            let [name, was, is] = [name, was, is].map(|text| shown(&text));
+            let [name, was, is] = [name, was, is].map(|text| one_line(&text));
             return Err(FolderError::OtherPlan { path: path.to_owned(), name, was, is });
         }
         let folder = Self { path: path.to_owned(), plan, _lock: Some(lock) };
@@ -165,7 +165,7 @@ impl Folder {
         match record.as_ref().and_then(|record| self.plan.mismatch(record, cell)) {
             None => Ok(record),
             Some((name, was, is)) => {
-                let [was, is] = [was, is].map(|text| shown(&text));
+                let [was, is] = [was, is].map(|text| one_line(&text));
                 Err(FolderError::OtherRecord { path, name, was, is })
             }
         }
@@ -257,7 +257,7 @@ fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, FileError> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         text => text.map_err(file_error("read", path))?,
     };
-    let problem = |error: serde_json::Error| io::Error::other(shown(&error.to_string()));
+    let problem = |error: serde_json::Error| io::Error::other(one_line(&error.to_string()));
     serde_json::from_str(&text).map(Some).map_err(problem).map_err(file_error("read", path))
 }
 

@@ -5,12 +5,10 @@ use std::error::Error;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use echoloop_files::{MOST_TEXT, read_text, shown};
-use echoloop_registration::cloud::{Cloud, read_cloud};
-use echoloop_registration::pose::{
-    Pose, read_pose, rotation_error_deg, to_rows, translation_error_m,
-};
-use echoloop_registration::{Registration, build, suggest_method};
+use echoloop_clouds::pose::{Pose, read_pose, rotation_error_deg, to_rows, translation_error_m};
+use echoloop_clouds::{Cloud, read_cloud};
+use echoloop_files::{MOST_TEXT, one_line, read_text};
+use echoloop_registration::{Registration, Suggestions, build};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -65,7 +63,7 @@ pub fn read_real_pairs(list: &Path, folder: &Path) -> Result<Vec<RealPair>, Real
     let wrong = |problem: String| RealError::from(format!("{}: {problem}", list.display()));
     let text = read_text(list, MOST_TEXT).map_err(file_error("read", list))?;
     let entries: Result<List, _> = toml::from_str(&text);
-    let entries = entries.map_err(|error| wrong(shown(&error.to_string())))?;
+    let entries = entries.map_err(|error| wrong(one_line(&error.to_string())))?;
     if entries.pair.is_empty() {
         return Err(wrong("no pair; expected [[pair]] with name, target and source".into()));
     }
@@ -87,7 +85,7 @@ impl Entry {
                     return Err(wrong(format!(
                         "pair {:?}: expected target_from_source, or world_from_target and \
                          world_from_source",
-                        shown(&self.name)
+                        one_line(&self.name)
                     )));
                 }
             };
@@ -275,7 +273,10 @@ impl Entrant {
             &self.config;
         let built: Option<Box<dyn Registration>> = match &self.settings {
             Some(settings) => settings.build().ok(),
-            None => build(&suggest_method(*method, *mode, None, target, source), None).ok(),
+            None => {
+                let settings = Suggestions::new(target, source).method(*method, *mode, None);
+                build(&settings, None).ok()
+            }
         };
         let start = Pose::identity();
         let outcome = built.map(|method| method.register(target, source, &start));

@@ -3,14 +3,14 @@
 use std::fs;
 use std::path::Path;
 
-use echoloop_registration::cloud::Kind;
-use echoloop_registration::cloud::attribute::{ATTRIBUTES, Attribute};
+use echoloop_clouds::NumberType;
+use echoloop_clouds::attribute::{ATTRIBUTES, Attribute};
 
 fn row(attribute: &Attribute) -> String {
     let kind = match attribute.kind {
-        Kind::U8 => "uint8",
-        Kind::U16 => "uint16",
-        Kind::F32 => "float32",
+        NumberType::U8 => "uint8",
+        NumberType::U16 => "uint16",
+        NumberType::F32 => "float32",
         other => panic!("{other:?}: a kind that no page names yet"),
     };
     let unit = match attribute.unit {

@@ -8,11 +8,11 @@ use std::sync::Arc;
 
 use echoloop_closed_loop::config::{JitterPer, Motion, RunConfig, ScannerConfig};
 use echoloop_closed_loop::dataset::{Place, respond_at};
+use echoloop_clouds::Pose;
 use echoloop_dsp::{Echo, Hardware, Pipeline, Scratch, Settings};
 use echoloop_frontend::{Analog, FrontEnd, Trigger};
 use echoloop_frontend::{Mode, Precipitation, Receiver, WaveformFrontEnd, Weather, litl};
 use echoloop_frontend::{Return, SceneResponse};
-use echoloop_registration::pose::Pose;
 use echoloop_sensor::afe::delay_fs;
 use echoloop_sensors::boards::pc::hardware_for;
 use echoloop_sensors::sensor::{Model, Sensor, View};

@@ -12,7 +12,7 @@ use echoloop_closed_loop::evaluation::objective::Registered;
 use echoloop_closed_loop::parameters::Parameters;
 use echoloop_closed_loop::run_folder::run::{CONFIG, TUNED};
 use echoloop_closed_loop::seed::{Purpose, derive};
-use echoloop_registration::pose::Pose;
+use echoloop_clouds::Pose;
 use echoloop_study::{
     Cell, Cells, Folder, LaidOn, Record, Seen, SeenPair, configuration, shown_pair,
 };

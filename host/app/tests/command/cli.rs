@@ -843,8 +843,7 @@ fn every_parameter_is_listed_with_its_unit_and_range() {
 fn a_scan_writes_a_cloud_that_reads_back() {
     let fixture = Fixture::new();
     let output = fixture.succeed(&["scan", "--json", "-c", "small.toml", "-o", "cloud.ply"]).json();
-    let (cloud, _) =
-        echoloop_registration::cloud::read_cloud(&fixture.path("cloud.ply")).expect("a cloud");
+    let (cloud, _) = echoloop_clouds::read_cloud(&fixture.path("cloud.ply")).expect("a cloud");
     assert_eq!(output["points"], cloud.points.len());
     assert!(cloud.points.len() > 300, "{}", cloud.points.len());
 }
@@ -882,8 +881,7 @@ fn motion(document: &Value) -> nalgebra::Isometry3<f64> {
         .flat_map(|row| row.as_array().expect("a row"))
         .filter_map(Value::as_f64)
         .collect();
-    echoloop_registration::pose::from_rows(rows.as_slice().try_into().expect("4 × 4"))
-        .expect("rigid")
+    echoloop_clouds::pose::from_rows(rows.as_slice().try_into().expect("4 × 4")).expect("rigid")
 }
 
 #[test]
@@ -940,11 +938,8 @@ fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
             && document["pairs"].as_u64().expect("a number") > 100
     );
     let estimate = motion(&document);
-    assert!(
-        echoloop_registration::pose::translation_error_m(&estimate, &truth) < 0.01,
-        "{estimate}"
-    );
-    assert!(echoloop_registration::pose::rotation_error_deg(&estimate, &truth) < 0.1, "{estimate}");
+    assert!(echoloop_clouds::pose::translation_error_m(&estimate, &truth) < 0.01, "{estimate}");
+    assert!(echoloop_clouds::pose::rotation_error_deg(&estimate, &truth) < 0.1, "{estimate}");
 
     let rows = document["covariance"].as_array().expect("rows");
     for (i, row) in rows.iter().enumerate() {
@@ -959,7 +954,7 @@ fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
     assert!(text.contains("standard deviations x y z: 0."), "{text}");
     fixture.write(
         "initial.txt",
-        echoloop_registration::pose::to_rows(&truth).map(|v| v.to_string()).join(" "),
+        echoloop_clouds::pose::to_rows(&truth).map(|v| v.to_string()).join(" "),
     );
     fixture.succeed(&["register", "-q", "target.xyz", "source.xyz", "--initial", "initial.txt"]);
 }
@@ -988,14 +983,11 @@ fn register_agrees_with_the_published_motion_of_a_real_pair() {
     let [target, source] =
         ["target.ply", "source.ply"].map(|n| folder.join(n).to_string_lossy().into_owned());
     let document = fixture.succeed(&["register", "-q", "--json", &target, &source]).json();
-    let truth = echoloop_registration::pose::read_pose(&folder.join("T_target_source.txt"))
-        .expect("a pose");
+    let truth =
+        echoloop_clouds::pose::read_pose(&folder.join("T_target_source.txt")).expect("a pose");
     let estimate = motion(&document);
-    assert!(
-        echoloop_registration::pose::translation_error_m(&estimate, &truth) < 0.05,
-        "{estimate}"
-    );
-    assert!(echoloop_registration::pose::rotation_error_deg(&estimate, &truth) < 0.5, "{estimate}");
+    assert!(echoloop_clouds::pose::translation_error_m(&estimate, &truth) < 0.05, "{estimate}");
+    assert!(echoloop_clouds::pose::rotation_error_deg(&estimate, &truth) < 0.5, "{estimate}");
 }
 
 #[test]

@@ -5,8 +5,8 @@ use std::fs;
 use std::process::Command;
 
 use crate::fixture::{CommandOutput, Fixture};
-use echoloop_registration::cloud::attribute::{ATTRIBUTES, Attribute, COLUMN, ECHO, RING, TIME};
-use echoloop_registration::cloud::{CloudFormat, Recorded, read_cloud, read_recorded};
+use echoloop_clouds::attribute::{ATTRIBUTES, Attribute, COLUMN, ECHO, RING, TIME};
+use echoloop_clouds::{CloudFormat, Recorded, read_cloud, read_recorded};
 
 const SCAN: [&str; 4] = ["scan", "-q", "-c", "small.toml"];
 
@@ -131,7 +131,7 @@ fn a_registered_source_keeps_all_that_is_known_of_its_points() {
         assert_eq!(found, plain, "the same registration");
         let (source, moved) = (recorded(&fixture, "ply/000_source.ply"), recorded(&fixture, name));
         fixture.write("found.json", plain.to_string());
-        let motion = echoloop_registration::pose::read_pose(&fixture.path("found.json")).unwrap();
+        let motion = echoloop_clouds::pose::read_pose(&fixture.path("found.json")).unwrap();
         assert_eq!(
             (&moved.columns, &moved.cloud.range_sd_m),
             (&source.columns, &source.cloud.range_sd_m)

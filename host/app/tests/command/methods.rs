@@ -1,9 +1,7 @@
 //! Registration methods from the command line: what they find, what they print, what they refuse.
 
 use crate::fixture::Fixture;
-use echoloop_registration::pose::{
-    Pose, read_pose, rotation_error_deg, to_rows, translation_error_m,
-};
+use echoloop_clouds::pose::{Pose, read_pose, rotation_error_deg, to_rows, translation_error_m};
 use echoloop_registration::{Kind, SETTINGS};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use serde_json::Value;

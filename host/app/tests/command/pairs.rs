@@ -5,8 +5,8 @@ use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
 use crate::fixture::Fixture;
-use echoloop_registration::cloud::read_cloud;
-use echoloop_registration::pose::{frobenius_error, read_pose, relative};
+use echoloop_clouds::pose::{frobenius_error, read_pose, relative};
+use echoloop_clouds::read_cloud;
 
 const NUMBERED: [&str; 5] = [
     "source.ply",
@@ -108,7 +108,7 @@ fn a_written_pair_registers_to_its_truth() {
         })
         .collect();
     let rows: [f64; 16] = rows.try_into().expect("sixteen numbers");
-    let found = echoloop_registration::pose::from_rows(&rows).expect("a motion");
+    let found = echoloop_clouds::pose::from_rows(&rows).expect("a motion");
     let truth = read_pose(&fixture.path("easy/000_target_from_source.txt")).expect("the truth");
     assert!(frobenius_error(&found, &truth) < 0.1, "{found} is not {truth}");
 }

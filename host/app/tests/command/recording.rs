@@ -4,8 +4,8 @@ use std::fmt::Write;
 use std::fs;
 
 use crate::fixture::Fixture;
-use echoloop_registration::cloud::read_cloud;
-use echoloop_registration::pose::Pose;
+use echoloop_clouds::Pose;
+use echoloop_clouds::read_cloud;
 use echoloop_sim::import::{ImportOptions, load_scene};
 use echoloop_sim::raycast::Raycaster;
 use nalgebra::{Translation3, UnitQuaternion, Vector3};

@@ -3,8 +3,8 @@
 use std::fs;
 
 use crate::fixture::Fixture;
-use echoloop_registration::cloud::read_cloud;
-use echoloop_registration::pose::{read_trajectory, to_rows};
+use echoloop_clouds::pose::{read_trajectory, to_rows};
+use echoloop_clouds::read_cloud;
 
 const SCAN: [&str; 4] = ["scan", "-q", "-c", "small.toml"];
 

@@ -10,7 +10,7 @@ use crc::{CRC_32_ISCSI, Crc};
 use csv::{ByteRecord, ReaderBuilder};
 use echoloop_dsp::BeamTable;
 use echoloop_dsp::scan_pattern::exact_unit;
-use echoloop_files::{shown, shown_most};
+use echoloop_files::{one_line, one_line_of};
 
 use echoloop_sensors::pattern::MOST_IN_ALL;
 
@@ -69,7 +69,7 @@ impl BeamList {
     pub fn from_csv(from: impl Read) -> Result<Self, String> {
         let bytes = read_most(from)?;
         let mut reader = ReaderBuilder::new().trim(csv::Trim::All).from_reader(&bytes[..]);
-        let places = places(reader.byte_headers().map_err(|error| shown(&error.to_string()))?)?;
+        let places = places(reader.byte_headers().map_err(|error| one_line(&error.to_string()))?)?;
         let mut list = Self { beams: Vec::new(), shots: Vec::new(), latest: (0, 0) };
         let (mut seen, mut fired) = (HashMap::new(), HashMap::new());
         let mut lines = Lines { bytes: &bytes, at: 0, line: 1 };
@@ -194,7 +194,7 @@ fn places(header: &ByteRecord) -> Result<[usize; 4], String> {
     for (place, wanted) in places.iter_mut().zip(COLUMNS) {
         let mut at = names.iter().enumerate().filter(|(_, name)| *name == wanted);
         let found = at.next().ok_or_else(|| {
-            let there = shown_most(&names.join(","), 80);
+            let there = one_line_of(&names.join(","), 80);
             format!("line 1: no column {wanted} in the header '{there}'")
         })?;
         if at.next().is_some() {
@@ -213,7 +213,11 @@ fn beam(record: &ByteRecord, places: [usize; 4]) -> Result<ListedBeam, String> {
     let time = number(time, 2, 0.0..=10.0, "0 to 10")?;
     let channel = text(channel);
     let channel = channel.parse().ok().filter(|n: &u16| *n < MOST_CHANNELS).ok_or_else(|| {
-        format!("channel = {} must be a whole number, 0 to {}", shown(&channel), MOST_CHANNELS - 1)
+        format!(
+            "channel = {} must be a whole number, 0 to {}",
+            one_line(&channel),
+            MOST_CHANNELS - 1
+        )
     })?;
     Ok(ListedBeam {
         azimuth_udeg: udeg(azimuth),
@@ -236,7 +240,7 @@ fn number(
     let text = text(cell);
     let value = text.parse().ok().filter(|value| range.contains(value));
     value.ok_or_else(|| {
-        let found = if text.is_empty() { "nothing".into() } else { shown_most(&text, 24) };
+        let found = if text.is_empty() { "nothing".into() } else { one_line_of(&text, 24) };
         format!("{} = {found} must be {expected}", COLUMNS[column])
     })
 }
@@ -247,7 +251,7 @@ fn message(error: &csv::Error) -> String {
         csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
             format!("{len} values for {expected_len} columns")
         }
-        _ => shown(&error.to_string()),
+        _ => one_line(&error.to_string()),
     }
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
-use echoloop_files::shown;
+use echoloop_files::one_line;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -36,7 +36,7 @@ impl FromStr for AxisChoice {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong = || {
-            let found = shown(text);
+            let found = one_line(text);
             format!("expected fixed, free, or bounds as 1..100 or 1..100,log, found `{found}`")
         };
         match text {
@@ -145,7 +145,7 @@ impl<'de> Visitor<'de> for Sections {
             };
             for (key, choice) in map.next_value::<BTreeMap<String, Text>>()? {
                 let Some(parameter) = tunable(&format!("{section}.{key}")) else {
-                    let key = shown(&key);
+                    let key = one_line(&key);
                     return Err(A::Error::custom(format_args!(
                         "there is no parameter `{section}.{key}` to tune; \
                          `echoloop config --parameters` lists them"

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use echoloop_files::{MOST_SHOWN, MOST_TEXT, printable, read_text, shown, shown_most};
+use echoloop_files::{MAX_LINE, MOST_TEXT, one_line, one_line_of, printable, read_text};
 use echoloop_parameters::{Kind, Parameter, Refused};
 use thiserror::Error;
 
@@ -62,7 +62,7 @@ impl FromStr for Override {
         if keys.len() > MOST_KEYS {
             return Err(format!("expected a.b=value, found {} names before =", keys.len()));
         }
-        let text = format!("--set {}", shown(text));
+        let text = format!("--set {}", one_line(text));
         Ok(Self { text, keys, value: parse_value(value.trim()) })
     }
 }
@@ -72,7 +72,7 @@ impl Override {
     pub fn flag(path: &str, value: impl Into<toml::Value>) -> Self {
         let value = value.into();
         Self {
-            text: format!("--set {}", shown(&format!("{path}={value}"))),
+            text: format!("--set {}", one_line(&format!("{path}={value}"))),
             keys: path.split('.').map(str::to_owned).collect(),
             value,
         }
@@ -81,7 +81,7 @@ impl Override {
     /// The same override, called as the user wrote it.
     #[must_use]
     pub fn written(self, text: &str) -> Self {
-        Self { text: shown(text), ..self }
+        Self { text: one_line(text), ..self }
     }
 
     /// Text that it gives the key of that path.
@@ -115,7 +115,7 @@ impl Override {
         for key in parents {
             let entry =
                 table.entry(key.clone()).or_insert_with(|| toml::Value::Table(toml::Table::new()));
-            let no_table = || format!("`{}` is a value, not a section", shown(key));
+            let no_table = || format!("`{}` is a value, not a section", one_line(key));
             table = entry.as_table_mut().ok_or_else(no_table)?;
         }
         table.insert(last.clone(), self.value.clone());
@@ -265,10 +265,10 @@ pub fn written(config: &RunConfig) -> Result<String, toml::ser::Error> {
 fn told(error: &toml::de::Error) -> String {
     let text = error.to_string();
     let is_excerpt = |line: &&str| line.contains(" | ");
-    let is_long = |line: &str| line.chars().nth(MOST_SHOWN).is_some();
+    let is_long = |line: &str| line.chars().nth(MAX_LINE).is_some();
     let place = text.lines().next().unwrap_or_default();
     match text.lines().filter(is_excerpt).any(is_long) || is_long(place) {
-        true => format!("{}\n{}", shown(place), message(error)),
+        true => format!("{}\n{}", one_line(place), message(error)),
         false => {
             let excerpt = text.rsplit_once(error.message()).map_or(place, |(before, _)| before);
             printable(excerpt) + &message(error)
@@ -281,8 +281,8 @@ fn told(error: &toml::de::Error) -> String {
 fn message(error: &toml::de::Error) -> String {
     const EXPECTED: &str = "`, expected ";
     match error.message().rsplit_once(EXPECTED) {
-        Some((found, ours)) => shown(found) + EXPECTED + &shown_most(ours, 2_000),
-        None => shown(error.message()),
+        Some((found, ours)) => one_line(found) + EXPECTED + &one_line_of(ours, 2_000),
+        None => one_line(error.message()),
     }
 }
 

@@ -21,7 +21,7 @@ mod weights;
 use std::path::PathBuf;
 
 use echoloop_dsp::Hardware;
-use echoloop_files::shown;
+use echoloop_files::one_line;
 use echoloop_frontend::{Receiver, Weather};
 use echoloop_parameters::Refused;
 use echoloop_sensors::boards::pc::hardware_for;
@@ -134,7 +134,7 @@ impl RunConfig {
     /// [`Refused`] names the first key out of bounds, with as much of its value as a message can
     /// hold.
     pub fn check(&self) -> Result<(), Refused> {
-        let shortened = |refused: Refused| Refused { value: shown(&refused.value), ..refused };
+        let shortened = |refused: Refused| Refused { value: one_line(&refused.value), ..refused };
         self.check_sections().map_err(shortened)
     }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use echoloop_dsp::{Grid, Rosette, ScanPattern, Spinning, SpinningModel};
-use echoloop_files::shown;
+use echoloop_files::one_line;
 use echoloop_parameters::{Bounds, Refused, section};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -226,11 +226,11 @@ impl ScannerConfig {
 
     fn unknown(&self) -> Refused {
         let key = &Self::KEYS[0];
-        key.refused(format_args!("{:?}", shown(&self.pattern)), key.bounds)
+        key.refused(format_args!("{:?}", one_line(&self.pattern)), key.bounds)
     }
 
     fn table(&self, reason: &str) -> Refused {
-        let (key, value) = (Self::KEYS[0].key, shown(&self.pattern));
+        let (key, value) = (Self::KEYS[0].key, one_line(&self.pattern));
         Refused { key, value, problem: format!(": {reason}") }
     }
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use echoloop_files::shown;
+use echoloop_files::one_line;
 use echoloop_parameters::{Bounds, Refused, section};
 use echoloop_sim::import::{Ground, ImportOptions, Libraries, Plane, Tags};
 use echoloop_sim::scene::SceneKind;
@@ -138,7 +138,7 @@ impl SceneConfig {
 
 /// Refusal of a text.
 fn refused(key: &'static str, value: &str, expected: impl Display) -> Refused {
-    Refused::new(key, format_args!("{:?}", shown(value)), expected)
+    Refused::new(key, format_args!("{:?}", one_line(value)), expected)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::pairs::{Dataset, ScanPair};
-use echoloop_registration::pose::Pose;
+use echoloop_clouds::Pose;
 use echoloop_statistics::{median, quantile};
 
 /// Statistics of a set of pairs.

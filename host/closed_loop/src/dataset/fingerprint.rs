@@ -4,8 +4,8 @@
 use std::path::Path;
 use std::sync::OnceLock;
 
+use echoloop_clouds::pose::to_rows;
 use echoloop_frontend::SceneResponse;
-use echoloop_registration::pose::to_rows;
 use echoloop_sim::import::{Libraries, library_files};
 use serde::{Deserialize, Serialize};
 

@@ -27,7 +27,7 @@ use crate::beams::Beams;
 use crate::config::RunConfig;
 use crate::dataset::source::{Source, SourceError};
 use crate::seed::{Purpose, derive};
-use echoloop_registration::pose::{Pose, relative};
+use echoloop_clouds::pose::{Pose, relative};
 pub use facts::{Facts, Overlaps, apart_m};
 use motion::Path as MotionPath;
 pub use pairs::{Dataset, ScanPair, viewpoints};

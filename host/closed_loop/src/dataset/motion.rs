@@ -4,8 +4,8 @@ use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
 use crate::beams::Beams;
 use crate::config::{JitterPer, Motion};
+use echoloop_clouds::Pose;
 use echoloop_frontend::shaking;
-use echoloop_registration::pose::Pose;
 
 /// Path of the sensor through one scan.
 ///

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
+use echoloop_clouds::Pose;
 use echoloop_frontend::SceneResponse;
-use echoloop_registration::pose::Pose;
 
 use crate::beams::Beams;
 

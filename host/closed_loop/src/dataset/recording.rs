@@ -16,9 +16,9 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use echoloop_files::{printable, read_data, shown};
+use echoloop_clouds::pose::{Pose, relative};
+use echoloop_files::{one_line, printable, read_data};
 use echoloop_frontend::SceneResponse;
-use echoloop_registration::pose::{Pose, relative};
 use echoloop_sim::import::{Seen, parse_semantic};
 use nalgebra::{Point3, Vector3};
 use thiserror::Error;
@@ -120,7 +120,7 @@ impl Drive {
             progress(at as f64 / files.len() as f64, &printable(&file.to_string_lossy()));
             let bytes =
                 read_data(file).map_err(|error| fail(file, format!("cannot be read: {error}")))?;
-            let seen = parse_semantic(&bytes, tags).map_err(|what| fail(file, shown(&what)))?;
+            let seen = parse_semantic(&bytes, tags).map_err(|what| fail(file, one_line(&what)))?;
             Scan::new(&seen, pose, beams.pattern().beams() as usize)
                 .map_err(|what| fail(file, what))
         };

@@ -7,7 +7,7 @@ use echoloop_sim::viewpoint::{
 
 use super::{DatasetError, Place, pair_plan, poses, sight};
 use crate::config::RunConfig;
-use echoloop_registration::pose::Pose;
+use echoloop_clouds::Pose;
 
 /// Finds the pose of the first training scan of a town, world from sensor, with remarks about where
 /// the sensor stands. `tried` hears how many places were tried.

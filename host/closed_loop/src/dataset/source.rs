@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use echoloop_files::shown;
+use echoloop_files::one_line;
 use echoloop_parameters::Refused;
 use echoloop_sim::import::{ImportError, load_scene};
 use echoloop_sim::scene::{Scene, SceneKind, Town, TownError, build_town, generate, load_town};
@@ -117,11 +117,11 @@ impl Source {
             Self::Mesh(path) => {
                 let looks_like_a_file = path.extension().is_some() || path.exists();
                 if !looks_like_a_file {
-                    return Err(SourceError::Unknown(shown(&config.source)));
+                    return Err(SourceError::Unknown(one_line(&config.source)));
                 }
                 Ok(load_scene(path, &config.import()?)?)
             }
-            Self::Recording(_) => Err(SourceError::Recorded(shown(&config.source))),
+            Self::Recording(_) => Err(SourceError::Recorded(one_line(&config.source))),
         }
     }
 }

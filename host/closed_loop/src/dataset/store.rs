@@ -15,7 +15,7 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use echoloop_files::{read_data, shown};
+use echoloop_files::{one_line, read_data};
 use echoloop_frontend::{Return, SceneResponse};
 use flate2::Compression;
 use flate2::read::ZlibDecoder;
@@ -30,7 +30,7 @@ use crate::checksum::Checksum;
 use crate::config::{RunConfig, parse, written};
 use crate::dataset::fingerprint::SceneFiles;
 use crate::dataset::source::Source;
-use echoloop_registration::pose::{Pose, relative};
+use echoloop_clouds::pose::{Pose, relative};
 
 const MAGIC: &[u8; 8] = b"ECHOPAIR";
 /// Version of the file. It rises with the format, and when the same configuration makes other
@@ -117,7 +117,7 @@ pub fn stored_config(path: &Path) -> Result<RunConfig, StoreError> {
     let fail = |what: String| StoreError { path: path.to_owned(), what };
     let bytes = read_data(path).map_err(|error| fail(format!("cannot be read: {error}")))?;
     let (header, _) = open(&bytes).map_err(fail)?;
-    parse(&header.config).map_err(|error| fail(shown(&error)))
+    parse(&header.config).map_err(|error| fail(one_line(&error)))
 }
 
 /// Pairs of a file, which must be those of the configuration.
@@ -133,7 +133,7 @@ pub(super) fn load_stored(
     let fail = |what: String| StoreError { path: path.to_owned(), what };
     let bytes = read_data(path).map_err(|error| fail(format!("cannot be read: {error}")))?;
     let (header, body) = open(&bytes).map_err(fail)?;
-    let traced_with = parse(&header.config).map_err(|error| fail(shown(&error)))?;
+    let traced_with = parse(&header.config).map_err(|error| fail(one_line(&error)))?;
     same(&traced_with, config).map_err(fail)?;
     if header.pattern != pattern(&beams) {
         return Err(fail("its beams are not those of scanner.pattern any more".into()));
@@ -174,7 +174,7 @@ fn open(bytes: &[u8]) -> Result<(Header, &[u8]), String> {
     let rest = content.get(PREFIX..).ok_or_else(cut)?;
     let (header, body) = rest.split_at_checked(length as usize).ok_or_else(cut)?;
     let header = serde_json::from_slice(header);
-    Ok((header.map_err(|error| format!("header: {}", shown(&error.to_string())))?, body))
+    Ok((header.map_err(|error| format!("header: {}", one_line(&error.to_string())))?, body))
 }
 
 /// Refuses pairs of another configuration, by the first key that differs.
@@ -188,8 +188,8 @@ fn same(stored: &RunConfig, now: &RunConfig) -> Result<(), String> {
         Some((key, stored, now)) => Err(format!(
             "its pairs have {key} = {}, and {} is asked for: trace anew without scene.stored, or \
              leave the key as it is there",
-            shown(&stored),
-            shown(&now)
+            one_line(&stored),
+            one_line(&now)
         )),
     }
 }

@@ -10,7 +10,7 @@ use crate::dataset::{
     DatasetError, Overlaps, Place, PlannedPair, apart_m, pair_plan, place, poses, share, sight,
     towns, viewpoints,
 };
-use echoloop_registration::pose::{Pose, relative, to_rows};
+use echoloop_clouds::pose::{Pose, relative, to_rows};
 
 /// Town of a configuration.
 pub struct Survey {

@@ -1,10 +1,10 @@
 //! Conversion of the echoes of a scan to a cloud.
 
-use echoloop_dsp::{Echo, Echoes};
-use echoloop_registration::cloud::attribute::{
+use echoloop_clouds::attribute::{
     Attribute, COLUMN, ECHO, FLAGS, INTENSITY, PULSE_WIDTH, REFLECTIVITY, RING, SNR, TIME,
 };
-use echoloop_registration::cloud::{Cloud, Recorded};
+use echoloop_clouds::{Cloud, Recorded};
+use echoloop_dsp::{Echo, Echoes};
 use nalgebra::{Point3, Vector3};
 
 use crate::beams::Beams;
@@ -81,8 +81,8 @@ fn point_m(direction: &Vector3<f32>, echo: &Echo) -> Point3<f32> {
 
 #[cfg(test)]
 mod tests {
+    use echoloop_clouds::attribute::ATTRIBUTES;
     use echoloop_dsp::{Flags, Grid, ScanPattern};
-    use echoloop_registration::cloud::attribute::ATTRIBUTES;
 
     use super::*;
 

@@ -101,7 +101,7 @@ impl FrontSearch<'_> {
         let seed = derive(self.search.config.seed, Purpose::Front, 0);
         let population = self.search.config.front.population;
         let (starts, dimension) = (self.starts(seed, population), self.space.axes().len());
-        Ok(Pareto::new(ParetoConfig { starts, dimension, population, seed })?)
+        Pareto::new(ParetoConfig { starts, dimension, population, seed }).map_err(TuneError::Front)
     }
 
     /// First candidates: start and selected parameters in turns, each moved farther towards a

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-use echoloop_files::{MOST_TEXT, read_text, shown, text_from};
+use echoloop_files::{MOST_TEXT, one_line, read_text, text_from};
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -30,7 +30,7 @@ pub fn read_candidate(path: &Path) -> Result<Values, LoadError> {
             .map_err(file_error("read", path))?;
     let malformed = |message| LoadError::Parse { path: path.to_owned(), message };
     let candidate: Candidate =
-        serde_json::from_str(&text).map_err(|error| malformed(shown(&error.to_string())))?;
+        serde_json::from_str(&text).map_err(|error| malformed(one_line(&error.to_string())))?;
     candidate_values(candidate.parameters).map_err(malformed)
 }
 
@@ -42,7 +42,7 @@ pub fn read_candidate(path: &Path) -> Result<Values, LoadError> {
 pub fn candidate_values(given: BTreeMap<String, Value>) -> Result<Values, String> {
     let value = |(name, given): (String, Value)| match number(&name, &given) {
         Ok(value) => Ok((name, value)),
-        Err(problem) => Err(shown(&problem)),
+        Err(problem) => Err(one_line(&problem)),
     };
     given.into_iter().map(value).collect()
 }

@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 
 use echoloop_cmaes::Coordinate;
 use echoloop_dsp::{Hardware, PARAMETERS, ParameterId, Settings};
-use echoloop_files::shown;
+use echoloop_files::one_line;
 use echoloop_parameters::Refused;
 
 use crate::config::RunConfig;
@@ -168,7 +168,7 @@ fn recognised(values: &Values, registration: &[Axis]) -> Result<Values, ValueErr
             let sensor = PARAMETERS.iter().map(|p| format!("lidar.{}", p.name));
             let own = registration.iter().map(|axis| axis.name.to_owned());
             let known: Vec<String> = sensor.chain(own).collect();
-            return Err(ValueError::Unknown(shown(given), known.join(", ")));
+            return Err(ValueError::Unknown(one_line(given), known.join(", ")));
         };
         if !value.is_finite() {
             return Err(Refused::new(name, value, "finite").into());

@@ -1,10 +1,10 @@
 //! Θ_reg: axes and settings of each method.
 
-use echoloop_parameters::Refused;
+use echoloop_parameters::{Kind, Refused};
 use echoloop_registration::config::{Range, Use};
 use echoloop_registration::{
-    ConfigError, FgrConfig, FgrMode, IcpConfig, Kind, Method, MethodConfig, Registration, Setting,
-    build, setting,
+    ConfigError, FgrConfig, FgrMode, IcpConfig, Method, MethodConfig, Registration, Setting, build,
+    setting,
 };
 
 use super::axis::Axis;

@@ -17,7 +17,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
-use echoloop_files::shown;
+use echoloop_files::one_line;
 use echoloop_link::settings_hash;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -403,7 +403,7 @@ fn read_header(path: &Path, line: &[u8]) -> Result<(Header, String), JournalErro
     }
     let (json, check) = unsealed("", line).map_err(|what| headless(path, &what))?;
     let header = serde_json::from_slice(&json).map_err(|error| {
-        headless(path, &format!("no journal header ({})", shown(&error.to_string())))
+        headless(path, &format!("no journal header ({})", one_line(&error.to_string())))
     })?;
     Ok((header, check))
 }
@@ -413,7 +413,7 @@ impl Found {
     fn take(&mut self, line: &[u8]) -> Result<(), String> {
         let (json, check) = unsealed(&self.check, line)?;
         let generation: Generation = serde_json::from_slice(&json)
-            .map_err(|error| format!("no generation ({})", shown(&error.to_string())))?;
+            .map_err(|error| format!("no generation ({})", one_line(&error.to_string())))?;
         let (number, expected) = (generation.generation, self.generations.len());
         if number as usize != expected {
             return Err(format!("generation {number} where {expected} was expected"));
@@ -458,7 +458,7 @@ fn check_header(path: &Path, found: &Header, expected: &Header) -> Result<(), Jo
         }
         _ => format!("written by another build, whose numbers would not go on; {BEGIN_ANEW}"),
     };
-    let [field, was, is] = [field, was, is].map(|text| shown(&text));
+    let [field, was, is] = [field, was, is].map(|text| one_line(&text));
     let what = format!("line 1: {field} is {was} there and {is} now: {advice}");
     Err(JournalError::Other { path: path.to_owned(), what })
 }

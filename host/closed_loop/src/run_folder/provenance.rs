@@ -3,7 +3,7 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use echoloop_files::{MOST_TEXT, read_text, shown};
+use echoloop_files::{MOST_TEXT, one_line, read_text};
 use serde::{Deserialize, Serialize};
 use time::OffsetDateTime;
 
@@ -76,7 +76,8 @@ impl About {
             }
             Err(error) => return Err(fail(error.to_string())),
         };
-        let about: Self = serde_json::from_str(&text).map_err(|e| fail(shown(&e.to_string())))?;
+        let about: Self =
+            serde_json::from_str(&text).map_err(|e| fail(one_line(&e.to_string())))?;
         match about.format {
             FORMAT => Ok(about),
             other => Err(fail(format!("it is of format {other}, not {FORMAT}"))),

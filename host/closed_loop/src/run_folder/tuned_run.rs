@@ -3,7 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use echoloop_files::{read_text, shown};
+use echoloop_files::{one_line, read_text};
 use serde::Deserialize;
 use thiserror::Error;
 
@@ -79,5 +79,5 @@ pub fn tuned_values(run: &Path) -> Result<Values, TunedRunError> {
 }
 
 fn malformed(run: &Path, problem: &impl ToString) -> TunedRunError {
-    TunedRunError::Result { path: run.join(RESULT), problem: shown(&problem.to_string()) }
+    TunedRunError::Result { path: run.join(RESULT), problem: one_line(&problem.to_string()) }
 }

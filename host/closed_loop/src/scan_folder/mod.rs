@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use thiserror::Error;
 
 use crate::run_folder::files::FileError;
-use echoloop_registration::cloud::Recorded;
+use echoloop_clouds::Recorded;
 use echoloop_sensors::sensor::SensorError;
 
 /// Scans that cannot be made or written.

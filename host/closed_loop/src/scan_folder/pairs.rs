@@ -12,8 +12,8 @@ use crate::dataset::{Facts, ScanPair};
 use crate::evaluation::scan_cloud::recorded_from_scan;
 use crate::prepared::{PairSet, Prepared};
 use crate::run_folder::atomic_folder::AtomicFolder;
-use echoloop_registration::cloud::{CloudFormat, Recorded};
-use echoloop_registration::pose::{Pose, to_rows};
+use echoloop_clouds::pose::{Pose, to_rows};
+use echoloop_clouds::{CloudFormat, Recorded};
 
 /// A pair, scanned with the configured settings.
 pub struct ScannedPair<'a> {

@@ -16,8 +16,8 @@ use crate::prepared::ConfiguredSensor;
 use crate::run_folder::atomic_folder::AtomicFolder;
 use crate::run_folder::files::FileError;
 use crate::seed::scan_noise;
-use echoloop_registration::cloud::{CloudFormat, Recorded};
-use echoloop_registration::pose::{Stamped, to_rows};
+use echoloop_clouds::pose::{Stamped, to_rows};
+use echoloop_clouds::{CloudFormat, Recorded};
 use echoloop_sensors::sensor::View;
 
 /// Scans that are made before they are written, so that a long trajectory takes no more memory.

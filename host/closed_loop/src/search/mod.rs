@@ -36,7 +36,7 @@ pub use external_candidate::Judge;
 pub(super) use fitness::mean_cost;
 pub use origin::Origin;
 pub(super) use replay::difference;
-pub use stage::{Stage, stages};
+pub use stage::{Place, Stage, stages};
 pub use tune_search::{Check, Finalist, Observer, Silent, TuneError, TuneSearch, Tuned};
 
 /// Constants of the optimiser, with which all records were made. Its defaults, pycma's, need some

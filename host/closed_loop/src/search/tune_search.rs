@@ -29,10 +29,10 @@ pub enum TuneError {
     Journal(#[from] JournalError),
     /// The optimiser cannot run.
     #[error("the optimiser: {0}")]
-    Optimizer(#[from] echoloop_cmaes::CmaEsConfigError),
+    Optimizer(#[from] echoloop_cmaes::ConfigError),
     /// The search for a front cannot run.
     #[error("the search for a front: {0}")]
-    Front(#[from] echoloop_cmaes::ParetoConfigError),
+    Front(echoloop_cmaes::ConfigError),
     /// The journal's candidates differ from those that this search asks for.
     #[error(
         "line {} of the journal is not of this search: its {field} is not what the configuration \

@@ -1,76 +1,17 @@
 //! Reading a pose from a file.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use echoloop_files::{MOST_TEXT, one_line, read_text};
+use echoloop_files::{FileError, MOST_TEXT, one_line, read_text};
 use serde_json::Value;
 
-use super::{NotRigid, Pose, from_rows};
+use super::{Pose, from_rows};
 
 /// The key of the motion in a JSON document.
 const KEY: &str = "target_from_source";
 
 /// The fourth row of the matrix, which KITTI leaves out.
 const LAST_ROW: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
-
-/// Reason why a [`Pose`] could not be read.
-#[derive(Debug, thiserror::Error)]
-pub enum PoseError {
-    /// The file cannot be read.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's error.
-        source: std::io::Error,
-    },
-    /// A word is not a number.
-    #[error("{}:{line}: expected a number, found {word:?}", path.display())]
-    Number {
-        /// The file.
-        path: PathBuf,
-        /// Its line, from 1.
-        line: usize,
-        /// The word.
-        word: String,
-    },
-    /// The file holds neither twelve nor sixteen numbers.
-    #[error(
-        "{}: found {found} numbers, expected a 4×4 matrix (16), a KITTI row (12) or a JSON \
-         document with {KEY}",
-        path.display()
-    )]
-    Count {
-        /// The file.
-        path: PathBuf,
-        /// Count of the numbers.
-        found: usize,
-    },
-    /// The file begins like JSON but is not valid JSON.
-    #[error("{}: expected a JSON document with {KEY}, found no JSON: {source}", path.display())]
-    Json {
-        /// The file.
-        path: PathBuf,
-        /// The error of the JSON parser, with its place.
-        source: serde_json::Error,
-    },
-    /// The document has no 4×4 matrix under its key.
-    #[error("{}: found {found}, expected {KEY} with 4 rows of 4 numbers", path.display())]
-    Document {
-        /// The file.
-        path: PathBuf,
-        /// Content found instead.
-        found: String,
-    },
-    /// The matrix is not a rigid motion.
-    #[error("{}: {reason}", path.display())]
-    Rigid {
-        /// The file.
-        path: PathBuf,
-        /// The property that the matrix lacks.
-        reason: NotRigid,
-    },
-}
 
 /// Reads a pose, row by row, in one of three forms:
 ///
@@ -83,29 +24,28 @@ pub enum PoseError {
 ///
 /// # Errors
 ///
-/// [`PoseError`] names the file, what was found, and what was expected.
-pub fn read_pose(path: &Path) -> Result<Pose, PoseError> {
-    let text =
-        read_text(path, MOST_TEXT).map_err(|source| PoseError::Io { path: path.into(), source })?;
+/// [`FileError`] names the file, what was found, and what was expected.
+pub fn read_pose(path: &Path) -> Result<Pose, FileError> {
+    let text = read_text(path, MOST_TEXT).map_err(FileError::io(path))?;
     parse_pose(path, &text)
 }
 
 /// [`read_pose`] of text in memory; `path` is for messages.
-///
-/// # Errors
-///
-/// As for [`read_pose`].
-pub fn parse_pose(path: &Path, text: &str) -> Result<Pose, PoseError> {
+pub fn parse_pose(path: &Path, text: &str) -> Result<Pose, FileError> {
     let is_json = text.trim_start().starts_with(['{', '[']);
-    let rows = if is_json { document(path, text) } else { matrix(path, text) }?;
-    from_rows(&rows).map_err(|reason| PoseError::Rigid { path: path.into(), reason })
+    let rows = match is_json {
+        true => document(text).map_err(FileError::content(path)),
+        false => matrix(path, text),
+    };
+    from_rows(&rows?).map_err(FileError::content(path))
 }
 
-fn document(path: &Path, text: &str) -> Result<[f64; 16], PoseError> {
-    let document: Value = serde_json::from_str(text)
-        .map_err(|source| PoseError::Json { path: path.into(), source })?;
+fn document(text: &str) -> Result<[f64; 16], String> {
+    let no_json = |error| format!("expected a JSON document with {KEY}, found no JSON: {error}");
+    let document: Value = serde_json::from_str(text).map_err(no_json)?;
     let motion = document.get(KEY).ok_or_else(|| format!("a JSON document without {KEY}"));
-    motion.and_then(rows).map_err(|found| PoseError::Document { path: path.into(), found })
+    let expected = |found| format!("found {found}, expected {KEY} with 4 rows of 4 numbers");
+    motion.and_then(rows).map_err(expected)
 }
 
 /// Four rows of four numbers; the error says what was found instead.
@@ -135,16 +75,22 @@ fn kind(value: &Value) -> &'static str {
     }
 }
 
-fn matrix(path: &Path, text: &str) -> Result<[f64; 16], PoseError> {
+fn matrix(path: &Path, text: &str) -> Result<[f64; 16], FileError> {
     let mut numbers = numbers(path, text)?;
     let found = numbers.len();
     if found == 12 {
         numbers.extend(LAST_ROW);
     }
-    numbers.try_into().map_err(|_| PoseError::Count { path: path.into(), found })
+    let expected = |_| {
+        format!(
+            "found {found} numbers, expected a 4×4 matrix (16), a KITTI row (12) or a JSON \
+             document with {KEY}"
+        )
+    };
+    numbers.try_into().map_err(expected).map_err(FileError::content(path))
 }
 
-fn numbers(path: &Path, text: &str) -> Result<Vec<f64>, PoseError> {
+fn numbers(path: &Path, text: &str) -> Result<Vec<f64>, FileError> {
     let words = text.lines().enumerate().flat_map(|(line, text)| {
         text.split(|c: char| c.is_whitespace() || c == ',')
             .filter(|word| !word.is_empty())
@@ -152,10 +98,11 @@ fn numbers(path: &Path, text: &str) -> Result<Vec<f64>, PoseError> {
     });
     words
         .map(|(line, word)| {
-            word.parse().map_err(|_| PoseError::Number {
+            let problem = || format!("expected a number, found {:?}", one_line(word));
+            word.parse().map_err(|_| FileError::Line {
                 path: path.into(),
                 line: line + 1,
-                word: one_line(word),
+                problem: problem(),
             })
         })
         .collect()
@@ -169,7 +116,7 @@ mod tests {
     use super::super::to_rows;
     use super::*;
 
-    fn read(name: &str, text: &str) -> Result<Pose, PoseError> {
+    fn read(name: &str, text: &str) -> Result<Pose, FileError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         std::fs::write(&path, text).unwrap();

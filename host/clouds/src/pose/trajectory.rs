@@ -1,8 +1,8 @@
 //! Reading a trajectory from a file.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use echoloop_files::{MOST_TEXT, one_line, read_text};
+use echoloop_files::{FileError, MOST_TEXT, one_line, read_text};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 
 use super::{Pose, from_rows};
@@ -21,38 +21,6 @@ pub struct Stamped {
     pub pose: Pose,
 }
 
-/// Reason why a trajectory could not be read.
-#[derive(Debug, thiserror::Error)]
-pub enum TrajectoryError {
-    /// The file cannot be read.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's error.
-        source: std::io::Error,
-    },
-    /// A line holds no pose.
-    #[error("{}:{line}: {reason}", path.display())]
-    Line {
-        /// The file.
-        path: PathBuf,
-        /// Its line, from 1.
-        line: usize,
-        /// Found and expected content.
-        reason: String,
-    },
-    /// The file holds no pose.
-    #[error(
-        "{}: no pose, expected lines of 8 numbers (TUM: time x y z qx qy qz qw) or 12 (KITTI)",
-        path.display()
-    )]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
-}
-
 /// Reads poses, one per line, all in the same one of two forms:
 ///
 /// - TUM: `time x y z qx qy qz qw`, s and m, with rising times and a quaternion of length 1 within
@@ -64,19 +32,14 @@ pub enum TrajectoryError {
 ///
 /// # Errors
 ///
-/// [`TrajectoryError`] names the file, the line, what was found, and what was expected.
-pub fn read_trajectory(path: &Path) -> Result<Vec<Stamped>, TrajectoryError> {
-    let text = read_text(path, MOST_TEXT)
-        .map_err(|source| TrajectoryError::Io { path: path.into(), source })?;
+/// [`FileError`] names the file, the line, what was found, and what was expected.
+pub fn read_trajectory(path: &Path) -> Result<Vec<Stamped>, FileError> {
+    let text = read_text(path, MOST_TEXT).map_err(FileError::io(path))?;
     parse_trajectory(path, &text)
 }
 
 /// [`read_trajectory`] of text in memory; `path` is for messages.
-///
-/// # Errors
-///
-/// As for [`read_trajectory`].
-pub fn parse_trajectory(path: &Path, text: &str) -> Result<Vec<Stamped>, TrajectoryError> {
+pub fn parse_trajectory(path: &Path, text: &str) -> Result<Vec<Stamped>, FileError> {
     let mut poses: Vec<Stamped> = Vec::new();
     for (line, text) in (1..).zip(text.lines()) {
         if text.trim().is_empty() || text.trim_start().starts_with('#') {
@@ -84,10 +47,16 @@ pub fn parse_trajectory(path: &Path, text: &str) -> Result<Vec<Stamped>, Traject
         }
         let stamped = parse_line(line, text)
             .and_then(|next| follows(poses.last(), next))
-            .map_err(|reason| TrajectoryError::Line { path: path.into(), line, reason })?;
+            .map_err(|problem| FileError::Line { path: path.into(), line, problem })?;
         poses.push(stamped);
     }
-    if poses.is_empty() { Err(TrajectoryError::Empty { path: path.into() }) } else { Ok(poses) }
+    match poses.is_empty() {
+        true => Err(FileError::content(path)(format!(
+            "no pose, expected lines of 8 numbers (TUM: time x y z qx qy qz qw) or 12 \
+             (KITTI)"
+        ))),
+        false => Ok(poses),
+    }
 }
 
 fn parse_line(line: usize, text: &str) -> Result<Stamped, String> {

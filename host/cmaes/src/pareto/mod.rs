@@ -10,9 +10,8 @@ mod front;
 mod variation;
 
 use echoloop_random::Generator;
-use thiserror::Error;
 
-use crate::config::TellError;
+use crate::config::{ConfigError, TellError};
 pub use front::{Objectives, dominates, hypervolume, ranks, sorted_by_crowding};
 use variation::child;
 
@@ -30,18 +29,6 @@ pub struct ParetoConfig {
     pub population: usize,
     /// Seed of every draw.
     pub seed: u64,
-}
-
-/// A setting that cannot run.
-#[derive(Clone, Debug, PartialEq, Error)]
-#[error("{field} = {value} must be {expected}")]
-pub struct ParetoConfigError {
-    /// The field of [`ParetoConfig`].
-    pub field: &'static str,
-    /// Its value.
-    pub value: String,
-    /// Its requirement.
-    pub expected: &'static str,
 }
 
 /// An evaluated point.
@@ -68,8 +55,8 @@ impl Pareto {
     ///
     /// # Errors
     ///
-    /// [`ParetoConfigError`] names the field that cannot run.
-    pub fn new(config: ParetoConfig) -> Result<Self, ParetoConfigError> {
+    /// [`ConfigError`] names the field that cannot run.
+    pub fn new(config: ParetoConfig) -> Result<Self, ConfigError> {
         check(&config)?;
         Ok(Self { config, generation: 0, parents: Vec::new() })
     }
@@ -135,8 +122,8 @@ fn best_of(all: Vec<Valued>, count: usize) -> Vec<Valued> {
     order.into_iter().take(count).map(|i| all[i].clone()).collect()
 }
 
-fn check(config: &ParetoConfig) -> Result<(), ParetoConfigError> {
-    let fail = |field, value: String, expected| Err(ParetoConfigError { field, value, expected });
+fn check(config: &ParetoConfig) -> Result<(), ConfigError> {
+    let fail = |field, value: String, expected| Err(ConfigError { field, value, expected });
     let ParetoConfig { starts, dimension, population, .. } = config;
     if *dimension == 0 {
         return fail("dimension", dimension.to_string(), "at least 1");

@@ -133,8 +133,8 @@ impl EchoFinder {
     /// Prepares the filters.
     pub fn new() -> Self {
         Self {
-            bank: Bank::new(),
-            padded: Padded::new(),
+            bank: Bank::default(),
+            padded: Padded::default(),
             view: [0; MAX_SAMPLES],
             sharp: [0; MAX_SAMPLES],
             order: [0; MAX_SAMPLES],

@@ -25,11 +25,6 @@ pub struct Padded {
 }
 
 impl Padded {
-    /// An empty waveform.
-    pub const fn new() -> Self {
-        Self { samples: [0; MAX_SAMPLES + MAX_TAPS + PADDING], length: 0 }
-    }
-
     /// Sets a waveform of at most [`MAX_SAMPLES`] samples, which `fill` writes.
     pub fn fill(&mut self, length: usize, fill: impl FnOnce(&mut [i16])) {
         self.length = length.min(MAX_SAMPLES);
@@ -61,8 +56,9 @@ impl Padded {
 }
 
 impl Default for Padded {
+    /// An empty waveform.
     fn default() -> Self {
-        Self::new()
+        Self { samples: [0; MAX_SAMPLES + MAX_TAPS + PADDING], length: 0 }
     }
 }
 
@@ -93,16 +89,6 @@ pub struct Scale {
 }
 
 impl Bank {
-    /// The filters of [`WIDTHS`].
-    pub fn new() -> Self {
-        Self {
-            templates: WIDTHS
-                .iter()
-                .map(|&width| Template::sin_squared(width * 1000, 1_000_000))
-                .collect(),
-        }
-    }
-
     /// The filter of an index of [`WIDTHS`].
     pub fn template(&self, index: usize) -> Option<&Template> {
         self.templates.get(index)
@@ -155,7 +141,9 @@ impl Bank {
 }
 
 impl Default for Bank {
+    /// The filters of [`WIDTHS`].
     fn default() -> Self {
-        Self::new()
+        let template = |&width: &u32| Template::sin_squared(width * 1000, 1_000_000);
+        Self { templates: WIDTHS.iter().map(template).collect() }
     }
 }

@@ -178,26 +178,9 @@ fn keep_plainer_half(narrow: &mut Vec<Strong>, curve: &Curve) {
             / count
     };
     let half = narrow.len().div_ceil(2);
-    narrow.sort_by_cached_key(|s| Ordered(off(s)));
+    // The bits of numbers from 0 on are ordered as they are.
+    narrow.sort_by_cached_key(|s| off(s).to_bits());
     narrow.truncate(half);
-}
-
-/// A number with a total order.
-#[derive(PartialEq)]
-struct Ordered(f64);
-
-impl Eq for Ordered {}
-
-impl PartialOrd for Ordered {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Ordered {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.0.total_cmp(&other.0)
-    }
 }
 
 /// A record minus its echo, fitted as the response on a surface.

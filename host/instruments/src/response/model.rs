@@ -70,10 +70,6 @@ impl Response {
     }
 
     /// As [`Response::of_rows`], from waveforms in memory.
-    ///
-    /// # Errors
-    ///
-    /// As there.
     pub fn of_waveforms(rows: &[Vec<f64>], least: usize) -> Result<Self, NoResponse> {
         let codes = |row: usize| Codes::from_samples(without_padding(&rows[row]));
         Self::of_codes(rows.len(), least, codes)

@@ -3,9 +3,10 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use echoloop_files::FileError;
+
 use super::curve::{Curve, PER_WIDTH};
 use super::model::Response;
-use crate::read::WaveformError;
 use crate::rows::Rows;
 
 /// Least and greatest number of points of a file.
@@ -27,10 +28,9 @@ impl Response {
     ///
     /// # Errors
     ///
-    /// [`WaveformError::Format`] with the row at fault and the expected content.
-    pub fn of_points(path: &Path, rows: &Rows, sample_ns: f64) -> Result<Self, WaveformError> {
-        points(rows, sample_ns)
-            .map_err(|problem| WaveformError::Format { path: path.into(), problem })
+    /// [`FileError::Content`] with the row at fault and the expected content.
+    pub fn of_points(path: &Path, rows: &Rows, sample_ns: f64) -> Result<Self, FileError> {
+        points(rows, sample_ns).map_err(FileError::content(path))
     }
 
     /// The response as CSV that [`Response::of_points`] reads.

@@ -106,8 +106,8 @@ macro_rules! configuration {
         }
 
         impl $name {
-            /// The defaults, for outdoor scans some tens of metres wide. [`crate::suggest_method`]
-            /// fits them to the clouds at hand.
+            /// The defaults, for outdoor scans some tens of metres wide. [`crate::Suggestions`]
+            /// fit them to the clouds at hand.
             pub fn outdoor() -> Self {
                 Self { $($own: $own_default,)* $($key: $default,)* }
             }

@@ -28,7 +28,7 @@ impl Residuals {
 }
 
 /// Count of the matches that agree with a motion, and their distances.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Inliers {
     pub(crate) count: usize,
     /// Root mean square distance of those, m.

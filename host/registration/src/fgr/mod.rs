@@ -13,9 +13,7 @@ use echoloop_clouds::{Cloud, Pose};
 use open3d::{Frame, Optimised};
 
 use super::features::{PointPair, matching, pairs};
-use super::{
-    ConfigError, Consensus, FgrConfig, FgrMode, Outcome, Registration, StopReason, global,
-};
+use super::{FgrConfig, FgrMode, Outcome, Registration, StopReason, global};
 use crate::correspondences::{Inliers, LengthBounds, Refit, Until};
 
 /// Least count of matches that determine a motion.
@@ -61,25 +59,10 @@ const MAX_FITS: usize = 12;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Fgr {
-    config: FgrConfig,
+    pub(super) config: FgrConfig,
 }
 
 impl Fgr {
-    /// Method with these settings.
-    ///
-    /// # Errors
-    ///
-    /// [`ConfigError`] names the field that cannot run.
-    pub fn new(config: FgrConfig) -> Result<Self, ConfigError> {
-        config.check()?;
-        Ok(Self { config })
-    }
-
-    /// The settings.
-    pub fn config(&self) -> &FgrConfig {
-        &self.config
-    }
-
     /// Finds the motion that most matches agree with. Without one the outcome carries the identity
     /// and a reason; matches that are not finite count as wrong.
     pub fn solve(&self, pairs: &[PointPair]) -> Outcome {
@@ -104,14 +87,12 @@ impl Fgr {
             FgrMode::Annealed => self.annealed(pairs),
             FgrMode::Open3d => self.open3d(pairs, &frame()),
         };
-        let nothing = Consensus { matches, searched: pairs.len(), inliers: 0, margin: None };
-        match found {
-            Ok(found) => found.outcome(matches, pairs.len()),
-            Err(stop) => Outcome { consensus: Some(nothing), ..Outcome::nothing(initial, stop) },
-        }
+        let nothing = |stop| (Outcome::nothing(initial, stop), Inliers::default());
+        let (outcome, inliers) = found.unwrap_or_else(nothing);
+        outcome.agreeing(inliers, (matches, pairs.len()), None)
     }
 
-    fn annealed(&self, pairs: &[PointPair]) -> Result<Solution, StopReason> {
+    fn annealed(&self, pairs: &[PointPair]) -> Result<(Outcome, Inliers), StopReason> {
         let (delta_m, voxel_m) = (self.config.max_pair_distance_m, self.config.features.voxel_m);
         if pairs.len() < LEAST_MATCHES {
             return Err(StopReason::TooFewMatches);
@@ -124,14 +105,14 @@ impl Fgr {
         let passed = tuples::passed(pairs, &bounds, most, self.config.seed);
         let run = annealed::anneal(pairs, &passed, delta_m, self.config.max_iterations);
         let run = run.ok_or(StopReason::NoConsensus)?;
-        let (target_from_source, inliers) = refit(pairs, &run.target_from_source, delta_m);
+        let (motion, inliers) = refit(pairs, &run.target_from_source, delta_m);
         let stop = self.verdict(pairs.len(), &inliers, run.converged);
-        Ok(Solution { target_from_source, inliers, stop, iterations: run.iterations })
+        Ok((Outcome { iterations: run.iterations, ..Outcome::nothing(&motion, stop) }, inliers))
     }
 
     /// Open3D returns its motion whether or not it converged and matches agree with it. So does
     /// this, with the reason that both tests give.
-    fn open3d(&self, pairs: &[PointPair], frame: &Frame) -> Result<Solution, StopReason> {
+    fn open3d(&self, pairs: &[PointPair], frame: &Frame) -> Result<(Outcome, Inliers), StopReason> {
         let passed = open3d::tuple_test(pairs, self.config.max_tuples, self.config.seed);
         if passed.len() < open3d::LEAST_MATCHES {
             return Err(StopReason::TooFewMatches);
@@ -141,7 +122,7 @@ impl Fgr {
         let Optimised { target_from_source, converged } = found.ok_or(StopReason::NoConsensus)?;
         let inliers = Inliers::count(pairs, &target_from_source, self.config.max_pair_distance_m);
         let stop = self.verdict(pairs.len(), &inliers, converged);
-        Ok(Solution { target_from_source, inliers, stop, iterations })
+        Ok((Outcome { iterations, ..Outcome::nothing(&target_from_source, stop) }, inliers))
     }
 
     /// The reason of the end of a run over `matches` matches.
@@ -184,28 +165,6 @@ impl Registration for Fgr {
             Frame::new(from.into_iter(), to.into_iter())
         };
         self.outcome(&sound(&matches), matches.len(), frame, initial)
-    }
-}
-
-/// A motion, the matches that agree with it, and the course of its run.
-struct Solution {
-    target_from_source: Pose,
-    inliers: Inliers,
-    stop: StopReason,
-    iterations: usize,
-}
-
-impl Solution {
-    fn outcome(&self, matches: usize, searched: usize) -> Outcome {
-        let inliers = self.inliers.count;
-        Outcome {
-            iterations: self.iterations,
-            pairs: inliers,
-            inlier_fraction: inliers as f64 / matches.max(1) as f64,
-            rmse_m: self.inliers.rmse_m,
-            consensus: Some(Consensus { matches, searched, inliers, margin: None }),
-            ..Outcome::nothing(&self.target_from_source, self.stop)
-        }
     }
 }
 

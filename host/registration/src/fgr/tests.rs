@@ -7,6 +7,8 @@ use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
+use crate::Consensus;
+use crate::tests::on_threads;
 
 fn fgr() -> Fgr {
     Fgr::new(FgrConfig::outdoor()).unwrap()
@@ -169,10 +171,7 @@ fn matches_of_a_plane_and_repeated_ones_and_broken_ones_do_no_harm() {
 fn seeds_and_threads_and_order_give_the_same_motion() {
     let truth = pose([9.0, 8.0, 0.1], [0.0, 0.1, -2.0]);
     let mut pairs = matches(120, 2900, &truth, 3);
-    let on = |threads: usize, fgr: Fgr| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| fgr.solve(&pairs))
-    };
+    let on = |threads, fgr: Fgr| on_threads(threads, || fgr.solve(&pairs));
     let bits = |outcome: &Outcome| to_rows(&outcome.target_from_source).map(f64::to_bits);
     for method in [fgr(), open3d()] {
         let (one, two) = (on(1, method.clone()), on(2, method));

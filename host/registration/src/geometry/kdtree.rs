@@ -1,5 +1,7 @@
 //! The points nearest to any place, among points that do not change.
 
+#[cfg(target_arch = "x86_64")]
+use echoloop_dispatch::V3;
 use echoloop_dispatch::dispatch;
 use nalgebra::Point3;
 
@@ -139,37 +141,9 @@ fn within(
 
 dispatch! {
     fn search_nearest(tree: &BoxTree, query: &Point3<f32>, found: &mut Nearest)
-        = nearest_plain, v3: v3::nearest;
+        = BoxTree::search, with: Portable, v3_with: V3::here();
     fn search_some(tree: &BoxTree, query: &Point3<f32>, found: &mut NearestSome)
-        = some_plain, v3: v3::some;
-}
-
-#[inline(always)]
-fn nearest_plain(tree: &BoxTree, query: &Point3<f32>, found: &mut Nearest) {
-    tree.search(Portable, query, found);
-}
-
-#[inline(always)]
-fn some_plain(tree: &BoxTree, query: &Point3<f32>, found: &mut NearestSome) {
-    tree.search(Portable, query, found);
-}
-
-#[cfg(target_arch = "x86_64")]
-mod v3 {
-    use echoloop_dispatch::V3;
-    use nalgebra::Point3;
-
-    use super::{BoxTree, Nearest, NearestSome};
-
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    pub(super) fn nearest(tree: &BoxTree, query: &Point3<f32>, found: &mut Nearest) {
-        tree.search(V3::here(), query, found);
-    }
-
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    pub(super) fn some(tree: &BoxTree, query: &Point3<f32>, found: &mut NearestSome) {
-        tree.search(V3::here(), query, found);
-    }
+        = BoxTree::search, with: Portable, v3_with: V3::here();
 }
 
 #[cfg(test)]
@@ -178,7 +152,6 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::geometry::tests::kiddo_tree::KiddoTree;
     use crate::geometry::tests::scanned::nearest_first;
 
     fn points(raw: &[[f32; 3]]) -> Vec<Point3<f32>> {
@@ -195,7 +168,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn neighbours_are_a_full_scan_s_and_as_near_as_kiddo_s(
+        fn neighbours_are_those_of_a_full_scan(
             raw in prop_oneof![
                 lattice(), prop::collection::vec(prop::array::uniform3(-9.0f32..9.0), 0..400)
             ],
@@ -208,13 +181,9 @@ mod tests {
             let mut expected = nearest_first(tree.points(), &query, radius);
             prop_assert_eq!(tree.nearest(&query, radius), expected.first().map(|near| near.1));
             expected.truncate(max);
-            let (mut found, mut theirs) = (Vec::new(), Vec::new());
+            let mut found = Vec::new();
             tree.within(&query, radius, max, &mut found);
             prop_assert_eq!(&found, &expected);
-            KiddoTree::new(tree.points()).within(&query, radius, max, &mut theirs);
-            // Of equally near points kiddo takes any, so distances alone are compared.
-            let distances = |found: &[(f32, u32)]| found.iter().map(|f| f.0).collect::<Vec<_>>();
-            prop_assert_eq!(distances(&found), distances(&theirs));
         }
 
         #[test]
@@ -225,10 +194,10 @@ mod tests {
             tree.within(&query, 3.0, max, &mut some);
             let limit = squared(3.0);
             let mut found = NearestSome { order: &tree.order, found: &mut plain, max, limit };
-            some_plain(&tree.tree, &query, &mut found);
+            tree.tree.search(&query, &mut found, Portable);
             prop_assert_eq!(&some, &plain);
             let mut found = Nearest { order: &tree.order, near: None, limit };
-            nearest_plain(&tree.tree, &query, &mut found);
+            tree.tree.search(&query, &mut found, Portable);
             prop_assert_eq!(tree.nearest(&query, 3.0), found.near.map(|near| near.1));
         }
     }

@@ -11,6 +11,5 @@ pub mod voxel;
 
 #[cfg(test)]
 mod tests {
-    pub(super) mod kiddo_tree;
     pub(super) mod scanned;
 }

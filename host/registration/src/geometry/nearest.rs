@@ -1,5 +1,7 @@
 //! The nearest neighbours of every point of a tree.
 
+#[cfg(target_arch = "x86_64")]
+use echoloop_dispatch::V3;
 use echoloop_dispatch::dispatch;
 
 use super::box_tree::{BoxTree, Corners, LaneKernel, Portable, WIDE, box_around};
@@ -53,7 +55,7 @@ impl<'a> Nearest<'a> {
     }
 
     #[inline(always)]
-    fn search(&mut self, kernel: impl LaneKernel, leaf: usize) {
+    fn search(&mut self, leaf: usize, kernel: impl LaneKernel) {
         let points = self.tree.leaf_points(leaf);
         self.rows.clear(points.len());
         let around = box_around(points);
@@ -195,24 +197,8 @@ impl Rows {
 
 dispatch! {
     /// Finds the neighbours of a leaf's points.
-    fn search_leaf(nearest: &mut Nearest, leaf: usize) = search_plain, v3: v3::search;
-}
-
-#[inline(always)]
-fn search_plain(nearest: &mut Nearest, leaf: usize) {
-    nearest.search(Portable, leaf);
-}
-
-#[cfg(target_arch = "x86_64")]
-mod v3 {
-    use echoloop_dispatch::V3;
-
-    use super::Nearest;
-
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    pub(super) fn search(nearest: &mut Nearest, leaf: usize) {
-        nearest.search(V3::here(), leaf);
-    }
+    fn search_leaf(nearest: &mut Nearest, leaf: usize)
+        = Nearest::search, with: Portable, v3_with: V3::here();
 }
 
 #[cfg(test)]
@@ -276,7 +262,7 @@ mod tests {
             let mut plain = Nearest::new(&tree, f64::from(radius), max);
             for leaf in 0..raw.len().div_ceil(WIDE) {
                 search_leaf(&mut nearest, leaf);
-                search_plain(&mut plain, leaf);
+                plain.search(leaf, Portable);
                 prop_assert_eq!(&nearest.rows.indices, &plain.rows.indices);
                 prop_assert_eq!(nearest.rows.ranges, plain.rows.ranges);
             }

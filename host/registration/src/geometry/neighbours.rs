@@ -295,8 +295,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::geometry::tests::kiddo_tree::KiddoTree;
     use crate::geometry::tests::scanned::nearest_first;
+    use crate::tests::on_threads;
 
     /// Coordinates on a coarse lattice (many ties and duplicates), anywhere, and on a line.
     fn points() -> impl Strategy<Value = Vec<[f32; 3]>> {
@@ -334,32 +334,6 @@ mod tests {
                 prop_assert_eq!(row(&all, i), expected);
             }
         }
-
-        #[test]
-        fn rows_have_the_distances_that_a_tree_finds(
-            raw in points(),
-            radius in 0.1f32..30.0,
-            max in 1usize..60,
-        ) {
-            let points: Vec<Point3<f32>> = raw.iter().map(|&p| p.into()).collect();
-            let (all, tree) =
-                (Neighbours::within(&points, f64::from(radius), max), KiddoTree::new(&points));
-            let mut found = Vec::new();
-            for (i, query) in points.iter().enumerate() {
-                tree.within(query, radius, max, &mut found);
-                let (ours, theirs) = (row(&all, i), found.iter().map(|f| f.0));
-                prop_assert!(
-                    ours.iter()
-                        .map(|f| f.0)
-                        .zip(theirs)
-                        .all(|(a, b)| (a - b).abs() <= 1e-5 * b.max(1e-6))
-                );
-                prop_assert!(
-                    ours.len().abs_diff(found.len()) <= 1,
-                    "rounding at the radius itself"
-                );
-            }
-        }
     }
 
     #[test]
@@ -388,10 +362,7 @@ mod tests {
                 Point3::new(a.sin() * 20.0, (a * 1.7).cos() * 20.0, (a * 0.01).sin())
             })
             .collect();
-        let on = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| Neighbours::within(&points, 0.8, 20))
-        };
+        let on = |threads| on_threads(threads, || Neighbours::within(&points, 0.8, 20));
         assert!(on(1) == on(2));
     }
 }

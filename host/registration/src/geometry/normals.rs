@@ -191,6 +191,7 @@ fn covariance(points: &[Point3<f32>], query: &Point3<f32>, found: &[u32]) -> Mat
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::tests::on_threads;
 
     fn normals(points: Vec<Point3<f32>>, radius_m: f64, max: usize) -> Vec<Vector3<f32>> {
         let mut cloud = Cloud::new(points);
@@ -281,10 +282,7 @@ mod tests {
                 })
                 .collect()
         };
-        let on = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| normals(points(), 0.8, 20))
-        };
+        let on = |threads| on_threads(threads, || normals(points(), 0.8, 20));
         assert_eq!(on(1), on(2));
     }
 }

@@ -41,10 +41,6 @@ pub fn downsample(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelError> {
 }
 
 /// [`downsample`] on Open3D's grid, which starts half a voxel below the least coordinates.
-///
-/// # Errors
-///
-/// As for [`downsample`].
 pub fn downsample_open3d(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelError> {
     let finite = cloud.points.iter().filter(|p| is_finite(p));
     let least = finite.fold([f64::INFINITY; 3], |least, p| {

@@ -2,6 +2,8 @@
 //! may have changed.
 
 use echoloop_clouds::Pose;
+#[cfg(target_arch = "x86_64")]
+use echoloop_dispatch::V3;
 use echoloop_dispatch::dispatch;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -202,7 +204,7 @@ impl Chunk<'_> {
     }
 
     #[inline(always)]
-    fn pair_with(&self, kernel: impl LaneKernel, matches: &mut [LastSearch], pairs: &mut Pairs) {
+    fn pair_with(&self, matches: &mut [LastSearch], pairs: &mut Pairs, kernel: impl LaneKernel) {
         let &Placed { target, source, pose, reach_m, normals } = self.placed;
         let rotation = pose.rotation.to_rotation_matrix().into_inner();
         let translation = pose.translation.vector;
@@ -232,24 +234,7 @@ impl Chunk<'_> {
 dispatch! {
     /// Finds the pairs of a chunk.
     fn pair(chunk: &Chunk, matches: &mut [LastSearch], pairs: &mut Pairs)
-        = pair_plain, v3: v3::pair;
-}
-
-#[inline(always)]
-fn pair_plain(chunk: &Chunk, matches: &mut [LastSearch], pairs: &mut Pairs) {
-    chunk.pair_with(Portable, matches, pairs);
-}
-
-#[cfg(target_arch = "x86_64")]
-mod v3 {
-    use echoloop_dispatch::V3;
-
-    use super::{Chunk, LastSearch, Pairs};
-
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    pub(super) fn pair(chunk: &Chunk, matches: &mut [LastSearch], pairs: &mut Pairs) {
-        chunk.pair_with(V3::here(), matches, pairs);
-    }
+        = Chunk::pair_with, with: Portable, v3_with: V3::here();
 }
 
 #[cfg(test)]
@@ -321,7 +306,10 @@ mod tests {
                     pair(&chunk, &mut vec![LastSearch::UNKNOWN; source.len()], &mut pairs);
                     pairs
                 };
-                prop_assert!(pairs(pair_plain) == pairs(pair));
+                let plain = |chunk: &Chunk, matches: &mut [LastSearch], pairs: &mut Pairs| {
+                    chunk.pair_with(matches, pairs, Portable);
+                };
+                prop_assert!(pairs(plain) == pairs(pair));
             }
         }
     }

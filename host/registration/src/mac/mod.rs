@@ -22,7 +22,7 @@ use score::{Scorer, exact_score};
 
 use super::features::PointPair;
 use super::global::matched;
-use super::{ConfigError, Consensus, MacConfig, Outcome, Registration, StopReason};
+use super::{Consensus, MacConfig, Outcome, Registration, StopReason};
 use crate::correspondences::{Inliers, LengthBounds, Refit, Refitted, Until, within};
 
 /// A motion has six unknowns, a match determines three, and two leave a turn open.
@@ -54,7 +54,7 @@ const MAX_CANDIDATES: usize = 200;
 /// The same input gives the same bytes on any number of threads.
 #[derive(Clone, Debug)]
 pub struct Mac {
-    config: MacConfig,
+    pub(super) config: MacConfig,
 }
 
 /// The motion found, and the evidence for it.
@@ -77,21 +77,6 @@ pub struct MacReport {
 }
 
 impl Mac {
-    /// Method with these settings.
-    ///
-    /// # Errors
-    ///
-    /// [`ConfigError`] names the field that cannot run.
-    pub fn new(config: MacConfig) -> Result<Self, ConfigError> {
-        config.check()?;
-        Ok(Self { config })
-    }
-
-    /// The settings.
-    pub fn config(&self) -> &MacConfig {
-        &self.config
-    }
-
     /// Finds the motion with which most of given matches agree.
     pub fn solve(&self, pairs: &[PointPair]) -> Outcome {
         self.report(pairs, &Pose::identity()).outcome
@@ -181,12 +166,13 @@ impl Mac {
             std::mem::swap(&mut best, other);
         }
         let margin = other.map(|other| best.score / other.score.max(f64::MIN_POSITIVE));
-        outcome.target_from_source = best.target_from_source;
-        outcome.iterations = best.fits;
-        outcome.agree(pairs, self.config.max_pair_distance_m, margin);
-        if best.score > least_score(pairs.len()) {
-            outcome.stop = StopReason::Converged;
-        }
+        let motion = best.target_from_source;
+        let inliers = Inliers::count(pairs, &motion, self.config.max_pair_distance_m);
+        let enough = best.score > least_score(pairs.len());
+        let stop = if enough { StopReason::Converged } else { outcome.stop };
+        let of = outcome.consensus.map_or((pairs.len(), 0), |c| (c.matches, c.searched));
+        *outcome = Outcome { iterations: best.fits, ..Outcome::nothing(&motion, stop) }
+            .agreeing(inliers, of, margin);
     }
 }
 
@@ -255,19 +241,6 @@ impl MacReport {
         let consensus = Some(Consensus { matches, searched: 0, inliers: 0, margin: None });
         let outcome = Outcome { consensus, ..Outcome::nothing(initial, StopReason::NoConsensus) };
         Self { outcome, nodes: 0, edges: 0, cliques: 0, cut_searches: 0, hypotheses: 0 }
-    }
-}
-
-impl Outcome {
-    /// Counts the matches that the motion lays within `max_m` of each other.
-    fn agree(&mut self, pairs: &[PointPair], max_m: f64, margin: Option<f64>) {
-        let inliers = Inliers::count(pairs, &self.target_from_source, max_m);
-        let (matches, searched) =
-            self.consensus.map_or((pairs.len(), 0), |c| (c.matches, c.searched));
-        self.pairs = inliers.count;
-        self.inlier_fraction = inliers.count as f64 / matches.max(1) as f64;
-        self.rmse_m = inliers.rmse_m;
-        self.consensus = Some(Consensus { matches, searched, inliers: inliers.count, margin });
     }
 }
 

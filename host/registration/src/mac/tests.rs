@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::correspondences::length_difference_m;
+use crate::tests::on_threads;
 
 fn random_point(rng: &mut ChaCha8Rng, half_m: f64) -> Point3<f64> {
     Point3::from([0; 3].map(|_| rng.random_range(-half_m..half_m)))
@@ -151,10 +152,7 @@ fn more_matches_than_the_most_are_thinned_and_the_motion_still_found() {
 #[test]
 fn one_thread_and_four_give_the_same_bytes() {
     let pairs = matches(9, &Pose::identity(), 120, 1800);
-    let on = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| outdoor().report(&pairs, &Pose::identity()))
-    };
+    let on = |threads| on_threads(threads, || outdoor().report(&pairs, &Pose::identity()));
     assert_eq!(on(1), on(4));
 }
 

@@ -169,6 +169,7 @@ impl Scene {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::tests::on_threads;
 
     /// A yard 40 m square as a sensor sees it from `x_m`: floor, and walls that end the view.
     pub(super) fn yard(x_m: f32) -> Cloud {
@@ -233,8 +234,7 @@ mod tests {
     #[test]
     fn one_thread_and_two_give_the_same_bytes() {
         let on = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| {
+            on_threads(threads, || {
                 let (target, source) = scenes();
                 target.overlap(&source, &Pose::translation(4.7, 0.1, 0.0))
             })

@@ -4,8 +4,8 @@ use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use echoloop_files::{MOST_TEXT, read_text, shown};
-use echoloop_registration::cloud::{Cloud, CloudError, read_cloud};
+use echoloop_clouds::{Cloud, CloudError, read_cloud};
+use echoloop_files::{MOST_TEXT, one_line, read_text};
 use serde::Deserialize;
 use serde_json::Value;
 use thiserror::Error;
@@ -91,7 +91,7 @@ impl FinishedRun {
         let config_text =
             read_text(&config_path, MOST_TEXT).map_err(|e| file_fault(&config_path, e))?;
         let config = toml::from_str(&config_text)
-            .map_err(|error| file_fault(&config_path, shown(&error.to_string())))?;
+            .map_err(|error| file_fault(&config_path, one_line(&error.to_string())))?;
         let about = About::read(path).map_err(fault)?;
         Ok(Self { path: path.to_owned(), config_text, config, about, result })
     }
@@ -132,8 +132,10 @@ impl FinishedRun {
         // An axis has two ends and not too many values for memory.
         let is_possible = |axis: &&AxisRecord| axis.min < axis.max && axis.max - axis.min < 1e9;
         match background.axes.iter().find(|axis| !is_possible(axis)) {
-            Some(AxisRecord { name, min, max, .. }) => Err(self
-                .fault(format_args!("background.axes: {} goes from {min} to {max}", shown(name)))),
+            Some(AxisRecord { name, min, max, .. }) => Err(self.fault(format_args!(
+                "background.axes: {} goes from {min} to {max}",
+                one_line(name)
+            ))),
             None => Ok(background),
         }
     }
@@ -168,7 +170,7 @@ fn result(folder: &Path) -> Result<RunResult, RunError> {
         }
         _ => file_fault(&path, error),
     })?;
-    let fail = |error: serde_json::Error| file_fault(&path, shown(&error.to_string()));
+    let fail = |error: serde_json::Error| file_fault(&path, one_line(&error.to_string()));
     let document: Value = serde_json::from_str(&text).map_err(fail)?;
     match document.get("format").and_then(Value::as_u64) {
         Some(RESULT_FORMAT) => serde_json::from_value(document).map_err(fail),

@@ -4,7 +4,7 @@ use std::array::from_fn;
 
 use echoloop_closed_loop::evaluation::objective::PairError;
 use echoloop_closed_loop::evaluation::summary::Summary;
-use echoloop_registration::cloud::Cloud;
+use echoloop_clouds::Cloud;
 
 use super::Report;
 use super::pairs::label_of;

@@ -18,7 +18,7 @@ mod trajectories;
 
 use echoloop_closed_loop::run_folder::journal::Generation;
 use echoloop_closed_loop::run_folder::run::Background;
-use echoloop_registration::cloud::Cloud;
+use echoloop_clouds::Cloud;
 
 use crate::figure::{Figure, figures};
 use crate::finished_runs::{FinishedRun, RunError};

@@ -20,7 +20,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use echoloop_dsp::{Hardware, MAX_CODES, ScanPattern};
-use echoloop_files::shown;
+use echoloop_files::one_line;
 use echoloop_sensor::afe::{adc, emitter};
 use echoloop_sensor::mailbox;
 use memmap2::{MmapOptions, MmapRaw};
@@ -574,7 +574,7 @@ fn connect(
 fn failure(emulator: &Mutex<Emulator>, machine: Machine, folder: &Path) -> Option<String> {
     let status = lock(emulator).child.try_wait().ok()??;
     let said = fs::read_to_string(folder.join(ERRORS)).unwrap_or_default();
-    let said = shown(said.trim().lines().next().unwrap_or_default());
+    let said = one_line(said.trim().lines().next().unwrap_or_default());
     Some(format!(
         "{} ended ({status}){}{said}",
         machine.emulator(),

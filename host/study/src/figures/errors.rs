@@ -73,9 +73,8 @@ pub(super) fn plates(cells: &Cells, search: &Search) -> Drawn {
         for part in &PARTS {
             let (bound, span) = part.range(&records);
             panels.extend(scenes.iter().map(|&scene| {
-                let curve = |cell: &Cell| {
-                    Some((cell.protocol, part.errors(cells.record(cell)?).collect()))
-                };
+                let curve =
+                    |cell: &Cell| Some((cell.protocol, part.errors(cells.record(cell)?).collect()));
                 let curves = search.of(method, scene).filter_map(curve).collect();
                 let axis = part.axis.into();
                 let of = [search.name(), name_of(method), name_of(scene)].join("-");

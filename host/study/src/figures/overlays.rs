@@ -6,8 +6,8 @@ use super::super::record::Record;
 use super::Drawn;
 use super::cells::Cells;
 use super::search::Search;
-use echoloop_registration::cloud::Cloud;
-use echoloop_registration::pose::{Pose, rotation_error_deg, translation_error_m};
+use echoloop_clouds::Cloud;
+use echoloop_clouds::pose::{Pose, rotation_error_deg, translation_error_m};
 use echoloop_report::{Overlay, Panel, PanelDrawing, Plate, fixed};
 use echoloop_statistics::median;
 

@@ -15,10 +15,10 @@ use echoloop_closed_loop::parameters::{Scale, Values};
 use echoloop_closed_loop::run_folder::journal::{CandidateRecord, Generation};
 use echoloop_closed_loop::run_folder::provenance::{About, Session};
 use echoloop_closed_loop::run_folder::run::{AxisRecord, Background, RunResult};
-use echoloop_closed_loop::search::{Place, Stage};
 use echoloop_closed_loop::search::Finalist;
+use echoloop_closed_loop::search::{Place, Stage};
+use echoloop_clouds::Cloud;
 use echoloop_random::Generator;
-use echoloop_registration::cloud::Cloud;
 use echoloop_report::finished_runs::FinishedRun;
 use echoloop_report::{
     Bar, EvaluationRow, EvaluationTable, Importance, Report, RowKind, Slice, SlicePoint,

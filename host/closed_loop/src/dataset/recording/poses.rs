@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use echoloop_files::{MOST_TEXT, read_text, shown};
-use echoloop_registration::pose::{Pose, from_rows, read_trajectory};
+use echoloop_clouds::pose::{Pose, from_rows, read_trajectory};
+use echoloop_files::{MOST_TEXT, one_line, read_text};
 use serde::Deserialize;
 
 /// Poses in a right-handed world, as TUM or KITTI.
@@ -52,7 +52,7 @@ struct Transform {
 fn parse(text: &str) -> Result<Vec<Pose>, String> {
     let expected = "expected a list of {\"location\": [x, y, z], \"pitch\", \"yaw\", \"roll\"}";
     let transforms: Vec<Transform> = serde_json::from_str(text)
-        .map_err(|error| format!("{expected}: {}", shown(&error.to_string())))?;
+        .map_err(|error| format!("{expected}: {}", one_line(&error.to_string())))?;
     let pose = |(number, transform): (usize, &Transform)| {
         transform.pose().map_err(|what| format!("transform {number}: {what}"))
     };

@@ -5,6 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::geometry::normals;
+use crate::tests::on_threads;
 
 fn unit(v: [f32; 3]) -> Vector3<f32> {
     Vector3::from(v).try_normalize(1e-3).unwrap_or_default()
@@ -95,10 +96,7 @@ proptest! {
         } else {
             raw.iter().map(|(_, n)| unit(*n)).collect()
         };
-        let on = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| describe(&points, &normals, &neighbours))
-        };
+        let on = |threads| on_threads(threads, || describe(&points, &normals, &neighbours));
         let ours = on(1);
         prop_assert_eq!(&ours, &on(2));
         prop_assert_eq!(&ours, &describe_baseline(&points, &normals, &neighbours));

@@ -1,8 +1,9 @@
 //! The build of the inner loops, chosen by the processor.
 
+use super::kernel::Portable;
 use super::rotation::{Rotated, Rotation, rotate, rotate_plain};
 use super::row::Row;
-use super::search::{Group, TreeSearch, search, search_plain};
+use super::search::{Group, TreeSearch, search};
 
 /// The loops that are compiled more than once; all builds give the same bytes.
 #[derive(Clone, Copy)]
@@ -16,5 +17,6 @@ impl Build {
     pub(super) const FASTEST: Self = Self { rotate, search };
 
     /// The build for any processor.
-    pub(super) const PLAIN: Self = Self { rotate: rotate_plain, search: search_plain };
+    pub(super) const PLAIN: Self =
+        Self { rotate: rotate_plain, search: |group, down| group.search_with(down, Portable) };
 }

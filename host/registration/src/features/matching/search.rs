@@ -111,7 +111,7 @@ impl Group {
 
     /// Goes down the tree, the nearer box first.
     #[inline(always)]
-    fn search_with(&mut self, kernel: impl BoundKernel, down: &TreeSearch) {
+    pub(super) fn search_with(&mut self, down: &TreeSearch, kernel: impl BoundKernel) {
         if down.tree.nodes.is_empty() {
             return;
         }
@@ -210,19 +210,8 @@ impl Group {
 
 dispatch! {
     /// Searches for all queries of a group.
-    pub(super) fn search(group: &mut Group, down: &TreeSearch) = search_plain, v3: search_v3;
-}
-
-/// [`search`] in the plain build.
-#[inline(always)]
-pub(super) fn search_plain(group: &mut Group, down: &TreeSearch) {
-    group.search_with(Portable, down);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-fn search_v3(group: &mut Group, down: &TreeSearch) {
-    group.search_with(V3::here(), down);
+    pub(super) fn search(group: &mut Group, down: &TreeSearch)
+        = Group::search_with, with: Portable, v3_with: V3::here();
 }
 
 /// The bounds of the queries that are not over.

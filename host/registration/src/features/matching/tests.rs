@@ -7,6 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use super::row::Row;
 use super::{Features, Match, mutual, mutual_baseline};
 use crate::features::DIMENSIONS;
+use crate::tests::on_threads;
 
 /// The distance as its documentation says, term by term.
 fn distance(a: &Row, b: &Row) -> f32 {
@@ -81,11 +82,6 @@ fn uniform(seed: u64, rows: usize) -> Features {
     }
 }
 
-fn on_threads(threads: usize, source: &Features, target: &Features) -> Vec<Match> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    pool.install(|| mutual(source, target))
-}
-
 #[test]
 fn histograms_match_as_the_double_loop_says() {
     for (sources, targets) in [(1, 700), (900, 1), (700, 900), (1500, 1100)] {
@@ -105,10 +101,11 @@ fn uniform_rows_match_as_the_double_loop_says() {
 #[test]
 fn every_build_and_any_number_of_threads_give_the_same_bytes() {
     let (source, target) = (histograms(3, 6000), histograms(4, 7000));
-    let matches = on_threads(1, &source, &target);
+    let on = |threads| on_threads(threads, || mutual(&source, &target));
+    let matches = on(1);
     assert!(matches.len() > 500, "{} matches", matches.len());
-    assert_eq!(matches, on_threads(2, &source, &target));
-    assert_eq!(matches, on_threads(3, &source, &target));
+    assert_eq!(matches, on(2));
+    assert_eq!(matches, on(3));
     assert_eq!(matches, mutual_baseline(&source, &target));
 }
 

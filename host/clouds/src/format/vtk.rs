@@ -225,22 +225,4 @@ mod tests {
         let message = parse(&file(&ascii, "POINTS 1 float", b"")).unwrap_err();
         assert!(message.contains(&"x".repeat(200)) && !message.contains(&ascii), "{message}");
     }
-
-    #[test]
-    fn a_file_cut_short_or_with_a_byte_changed_never_panics() {
-        let files = [
-            file("ASCII", "POINTS 1 float", b"1 2 3\n"),
-            file("BINARY", "POINTS 1 double", &big(&[1.0; 3], false)),
-        ];
-        for content in files {
-            for at in 0..content.len() {
-                let _ = parse(&content[..at]);
-                for flip in [1, 0x10, 0x80, 0xff] {
-                    let mut changed = content.clone();
-                    changed[at] ^= flip;
-                    let _ = parse(&changed);
-                }
-            }
-        }
-    }
 }

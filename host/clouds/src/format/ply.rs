@@ -1,12 +1,13 @@
 //! PLY: reading the vertices, and the layout for writing.
 
-use crate::Cloud;
-use crate::layout::Layout;
-use crate::recorded::{Keep, Recorded};
 use echoloop_files::attribute::is_attribute;
-use echoloop_files::ply::{self, Body, Points};
+use echoloop_files::ply::{self, Body};
 use echoloop_files::{Column, NumberType, one_line};
 use nalgebra::Point3;
+
+use super::layout::Layout;
+use crate::Cloud;
+use crate::recorded::{Keep, Recorded};
 
 /// Reads the vertices of a PLY file; the error says what was expected.
 pub(crate) fn parse(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
@@ -24,17 +25,11 @@ fn vertices(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     for element in header.elements.values().take_while(|element| element.name != vertex.name) {
         body.skip(element)?;
     }
-    let (points, columns) = match keep {
-        Keep::Points => (body.points(vertex)?, Vec::new()),
-        Keep::All => body.points_and_columns(vertex)?,
-    };
+    let (points, columns) = body.points(vertex, keep == Keep::All)?;
     let left_out = ply::lists(vertex).map(one_line).collect();
-    Ok(Recorded { cloud: cloud(points), columns, left_out })
-}
-
-fn cloud(points: Points) -> Cloud {
     let at = points.at.into_iter().map(Point3::from).collect();
-    Cloud { range_sd_m: points.range_sds, ..Cloud::new(at) }
+    let cloud = Cloud { range_sd_m: points.range_sds, ..Cloud::new(at) };
+    Ok(Recorded { cloud, columns, left_out })
 }
 
 /// Little-endian binary, one element `vertex`. PLY has no integers of 8 bytes: they become

@@ -1,12 +1,19 @@
 //! The file formats of clouds, one row each: reading, writing, refusals and help follow from it.
 
+mod layout;
+mod lzf;
+mod pcd;
+mod ply;
+mod text;
+mod vtk;
+
 use std::path::Path;
 
 use echoloop_files::Column;
 use nalgebra::Point3;
 
+use crate::Cloud;
 use crate::recorded::{Keep, Recorded};
-use crate::{Cloud, pcd, ply, text, vtk};
 
 /// A format that clouds are read from.
 pub(crate) struct Format {
@@ -65,7 +72,7 @@ macro_rules! formats {
     };
 }
 
-// To add a format: its file, a row here, and its row in the table of lib.rs.
+// To add a format: its file here, its `mod` above, a row, and its row in the table of README.md.
 formats! {
     written {
         /// Stanford polygon format with one element, `vertex`.
@@ -109,6 +116,11 @@ impl CloudFormat {
     }
 }
 
+/// An extension of each format that is read.
+pub fn read_formats() -> impl Iterator<Item = &'static str> {
+    READ.iter().filter_map(|format| format.extensions.first().copied())
+}
+
 /// Extensions of all formats that are read, for a message.
 pub(crate) fn read_extensions() -> String {
     let named = |format: &Format| {
@@ -144,7 +156,7 @@ mod tests {
 
     #[test]
     fn the_front_page_lists_every_extension() {
-        let page = include_str!("lib.rs");
+        let page = include_str!("../../README.md");
         for extension in READ.iter().flat_map(|format| format.extensions) {
             assert!(page.contains(&format!("`.{extension}`")), "{extension}");
         }

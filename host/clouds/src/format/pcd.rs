@@ -6,13 +6,14 @@
 use std::io::Cursor;
 
 use echoloop_files::attribute::{RANGE_SD, is_attribute};
-use echoloop_files::{Column, NumberType, check_lines, eight, one_line};
+use echoloop_files::{Column, NumberType, check_lines, one_line, padded};
 use nalgebra::Point3;
 use pcd_rs::{DataKind, DynReader, DynRecord, Field, FieldDef, PcdMeta, ValueKind};
 
-use crate::layout::Layout;
+use super::layout::Layout;
+use super::lzf;
+use crate::Cloud;
 use crate::recorded::{Keep, Recorded};
-use crate::{Cloud, lzf};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -288,18 +289,11 @@ impl Part<'_> {
     }
 }
 
-/// Up to eight bytes, then zeros.
-fn padded(bytes: &[u8]) -> [u8; 8] {
-    let mut eight = [0; 8];
-    eight[..bytes.len()].copy_from_slice(bytes);
-    eight
-}
-
 /// The little-endian bytes of a field of one number; None for several.
 fn number(field: &Field) -> Option<[u8; 8]> {
     fn only<T: Copy, const N: usize>(values: &[T], bytes: fn(T) -> [u8; N]) -> Option<[u8; 8]> {
         match values {
-            [value] => Some(eight(bytes(*value))),
+            [value] => Some(padded(&bytes(*value))),
             _ => None,
         }
     }
