@@ -156,7 +156,11 @@ fn whole_cloud(name: &str, bytes: &[u8], points: usize) {
         let again = format.bytes(&read.cloud, &read.columns);
         let path = Path::new("again").with_extension(format.name());
         let (again, dropped) = parse_recorded(&path, &again).expect("our own file");
-        assert_eq!((&again.cloud, dropped.total()), (&read.cloud, 0), "{format:?}");
+        assert_eq!((&again.cloud.points, dropped.total()), (&read.cloud.points, 0), "{format:?}");
+        if !format.keeps_columns() {
+            continue;
+        }
+        assert_eq!(again.cloud, read.cloud, "{format:?}");
         let is_kept = again.columns.iter().zip(&read.columns).all(|(a, b)| a.len() == b.len());
         assert!(is_kept && again.columns.len() == read.columns.len(), "{format:?}");
     }

@@ -307,7 +307,7 @@ mod tests {
             assert_eq!(read_cloud(&path).unwrap().0, Cloud { normals: None, ..cloud });
         }
         let refusal = write_cloud(&folder.path().join("cloud.las"), &Cloud::default()).unwrap_err();
-        assert!(refusal.to_string().contains(".ply or .pcd"), "{refusal}");
+        assert!(refusal.to_string().contains(&CloudFormat::extensions()), "{refusal}");
     }
 
     /// Two points with every attribute, each number another.
@@ -326,10 +326,10 @@ mod tests {
     }
 
     #[test]
-    fn every_attribute_reads_back_from_both_formats_with_its_kind() {
+    fn every_attribute_reads_back_from_every_format_of_columns_with_its_kind() {
         let written = with_every_attribute();
         assert_eq!(written.columns.len(), 9);
-        for format in CloudFormat::ALL {
+        for format in CloudFormat::ALL.into_iter().filter(|format| format.keeps_columns()) {
             let bytes = format.bytes(&written.cloud, &written.columns);
             let path = Path::new("a").with_extension(format.name());
             assert_eq!(parse_recorded(&path, &bytes).unwrap().0, written, "{format:?}");

@@ -46,7 +46,8 @@ fn a_scan_in_either_format_holds_every_attribute_with_the_same_numbers() {
 fn a_name_that_says_no_format_is_refused_before_anything_is_done() {
     let fixture = Fixture::new();
     fs::remove_file(fixture.path("yard.obj")).expect("removed"); // nothing could be traced
-    let expected = [".ply or .pcd", "- for standard output"];
+    let extensions = CloudFormat::extensions();
+    let expected = [extensions.as_str(), "- for standard output"];
     for name in ["cloud.las", "cloud", "cloud.ply.gz"] {
         fixture.refuses(&[&SCAN[..], &["-o", name]].concat(), &[&expected[..], &[name]].concat());
         let register = ["register", "absent.ply", "absent.ply", "-o", name];
@@ -55,8 +56,9 @@ fn a_name_that_says_no_format_is_refused_before_anything_is_done() {
     let both = [&SCAN[..], &["-o", "cloud.ply", "--format", "pcd"]].concat();
     fixture.refuses(&both, &["cloud.ply: the name says ply, --format says pcd"]);
     fixture.refuses(&[&SCAN[..], &["--format", "pcd"]].concat(), &["--output"]);
-    fixture.refuses(&[&SCAN[..], &["-o", "a.ply", "--format", "las"]].concat(), &["ply, pcd"]);
-    fixture.refuses(&["pairs", "-o", "folder", "--format", "las"], &["ply, pcd"]);
+    let names = CloudFormat::ALL.map(CloudFormat::name).join(", ");
+    fixture.refuses(&[&SCAN[..], &["-o", "a.ply", "--format", "las"]].concat(), &[&names]);
+    fixture.refuses(&["pairs", "-o", "folder", "--format", "las"], &[&names]);
 }
 
 #[test]

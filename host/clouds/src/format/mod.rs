@@ -30,7 +30,7 @@ macro_rules! formats {
     (
         written { $(
             $(#[$doc:meta])*
-            $variant:ident: $name:literal, $summary:literal,
+            $variant:ident: $name:literal, $summary:literal, keeps_columns: $keeps:literal,
             read: $read:expr, write: $write:expr;
         )+ }
         only read { $( [$($extension:literal),+], $known_as:literal, read: $only_read:expr; )+ }
@@ -57,6 +57,12 @@ macro_rules! formats {
                 match self { $(Self::$variant => $summary,)+ }
             }
 
+            /// True when its files have σ_R and the columns, not the points alone.
+            #[must_use]
+            pub fn keeps_columns(self) -> bool {
+                match self { $(Self::$variant => $keeps,)+ }
+            }
+
             fn write(self) -> fn(&Cloud, &[Column]) -> Vec<u8> {
                 match self { $(Self::$variant => $write,)+ }
             }
@@ -76,11 +82,11 @@ macro_rules! formats {
 formats! {
     written {
         /// Stanford polygon format with one element, `vertex`.
-        Ply: "ply", "binary PLY, an element `vertex`",
+        Ply: "ply", "binary PLY, an element `vertex`", keeps_columns: true,
             read: ply::parse, write: |cloud, columns| ply::LAYOUT.bytes(cloud, columns);
         /// Point Cloud Library, version 0.7. Unorganized, because beams without an echo are left
         /// out.
-        Pcd: "pcd", "binary PCD 0.7, unorganized",
+        Pcd: "pcd", "binary PCD 0.7, unorganized", keeps_columns: true,
             read: pcd::parse, write: |cloud, columns| pcd::LAYOUT.bytes(cloud, columns);
     }
     only read {
