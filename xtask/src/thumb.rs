@@ -6,8 +6,8 @@
 /// Sum of all amounts that a function's code subtracts from the stack pointer; `None` when one of
 /// them is unknown.
 ///
-/// `code` lies at `address`; `is_data` is true for the addresses of constants in it; `word_at` reads
-/// the image's memory.
+/// `code` lies at `address`; `is_data` is true for the addresses of constants in it; `word_at`
+/// reads the image's memory.
 pub(crate) fn frame(
     code: &[u8],
     address: u64,

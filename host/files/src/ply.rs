@@ -92,8 +92,8 @@ impl<'a> Body<'a> {
         self.read(element, |Skipped| Ok(()))
     }
 
-    /// Reads the vertices, which must be the next element; if `others`, with a column for every other
-    /// property that is no list.
+    /// Reads the vertices, which must be the next element; if `others`, with a column for every
+    /// other property that is no list.
     ///
     /// # Errors
     ///

@@ -51,7 +51,8 @@ impl SceneReport<'_> {
             "<section id=\"scene\"><h2>In three dimensions</h2>\
              <p class=\"lead\">A dot is a place where the sensor stands, a short line the way it \
              looks, and the line between two dots a pair's baseline. What is behind something \
-             shows faintly.</p><div class=\"scene\"><div>{CONTROLS}{}{SELECTED_PAIR}{HINT}</div><aside>{}{}</aside></div>\
+             shows faintly.</p><div class=\"scene\"><div>{CONTROLS}{}{SELECTED_PAIR}{HINT}</div>\
+             <aside>{}{}</aside></div>\
              <script type=\"application/json\" id=\"scene-data\">{}</script>\
              <script type=\"text/plain\" id=\"geometry\">{}</script></section>\n",
             stage(&self.scene().name, still),
@@ -228,8 +229,8 @@ fn stage(title: &str, still: &[u8]) -> String {
 }
 
 /// Description of the selected pair, with buttons that move the view.
-const SELECTED_PAIR: &str = "<div class=\"told\" data-live hidden><p id=\"pair-told\" role=\"status\">No pair is \
-     selected.</p><span id=\"pair-hands\" hidden>\
+const SELECTED_PAIR: &str = "<div class=\"told\" data-live hidden>\
+     <p id=\"pair-told\" role=\"status\">No pair is selected.</p><span id=\"pair-hands\" hidden>\
      <button type=\"button\" data-stand=\"0\">stand at the first</button> \
      <button type=\"button\" data-stand=\"1\">stand at the second</button> \
      <button type=\"button\" id=\"pair-leave\">leave it</button></span></div>";

@@ -92,8 +92,9 @@ impl SceneReport<'_> {
         let [of_scene, of_poses] = survey.checksums().map(|sum| sum.to_string());
         let pair = |pair: &SurveyedPair| {
             let rows = |pose: &Pose| to_rows(pose).as_chunks::<4>().0.to_vec();
+            let set = if pair.split == Split::Train { "train" } else { "test" };
             json!({
-                "set": if pair.split == Split::Train { "train" } else { "test" }, "number": pair.number,
+                "set": set, "number": pair.number,
                 "viewpoints": pair.viewpoints, "baseline_m": pair.baseline_m(),
                 "turn_deg": pair.turn_deg(), "overlap": pair.overlap,
                 "nearest_other_m": survey.nearest_other_m(pair),

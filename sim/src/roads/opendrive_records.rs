@@ -36,8 +36,8 @@ const MAX_NAMESPACES: usize = 100;
 const MAX_RECORDS: usize = 10_000;
 
 /// Names of attributes that are numbers, in any element of a road.
-const NUMBERS: &str = "s t x y hdg length curvature curvStart curvEnd a b c d aU bU cU dU aV bV cV dV \
-                       sOffset tOffset zOffset width inner outer u v z dz";
+const NUMBERS: &str = "s t x y hdg length curvature curvStart curvEnd a b c d aU bU cU dU aV bV \
+                       cV dV sOffset tOffset zOffset width inner outer u v z dz";
 
 /// Reads the records of all roads, with remarks on links to missing roads.
 pub(super) fn profiles(text: &str) -> Result<(Vec<Profile>, Vec<String>), String> {

@@ -51,10 +51,10 @@ pub fn parse_trajectory(path: &Path, text: &str) -> Result<Vec<Stamped>, FileErr
         poses.push(stamped);
     }
     match poses.is_empty() {
-        true => Err(FileError::content(path)(format!(
-            "no pose, expected lines of 8 numbers (TUM: time x y z qx qy qz qw) or 12 \
-             (KITTI)"
-        ))),
+        true => Err(FileError::content(path)(
+            "no pose, expected lines of 8 numbers (TUM: time x y z qx qy qz qw) or 12 (KITTI)"
+                .to_owned(),
+        )),
         false => Ok(poses),
     }
 }

@@ -34,8 +34,8 @@ pub(super) fn section(report: &Report) -> String {
     };
     format!(
         "<section id=\"clouds\"><h2>One pair in three dimensions</h2>\
-         <p class=\"lead\">{}: the held-out pair the default did worst on: the target stands still, \
-         the source lies where registration put it. Both views share one camera.</p>\
+         <p class=\"lead\">{}: the held-out pair the default did worst on: the target stands \
+         still, the source lies where registration put it. Both views share one camera.</p>\
          {CONTROLS}<div class=\"pair views\">{}{}</div>{HINT}\
          <div id=\"viewer\" hidden data-view=\"{}\">{data}</div></section>\n",
         escape(&label_of(&report.background, pair)),

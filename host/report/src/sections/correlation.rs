@@ -122,7 +122,7 @@ impl Layout {
     }
 }
 
-/// Heat map of correlations of a search, `D^-1/2 C D^-1/2`, in which those within chance are greyed.
+/// Heat map of correlations of a search, `D^-1/2 C D^-1/2`; those within chance are greyed.
 #[derive(Clone, Debug)]
 pub struct Moved {
     /// A name for each row and column.

@@ -314,7 +314,7 @@ fn pair_errors(rng: &mut Generator) -> [Vec<PairError>; 2] {
         error(t, t * (2.0 + 4.0 * rng.unit()))
     };
     let pair = |pair: usize| {
-        let (fails, still) = (pair % 4 != 0, pair % 4 == 1);
+        let (fails, still) = (!pair.is_multiple_of(4), pair % 4 == 1);
         let [before, after] = [fails, still || pair == 8].map(|fails| drawn(rng, fails));
         let before = if pair == 5 { error(f64::NAN, f64::NAN) } else { before };
         [before, after].map(|error| PairError { pair, ..error })
