@@ -158,7 +158,7 @@ pub(super) fn json(document: &impl Serialize) -> Result<String, Failure> {
 ///
 /// # Errors
 ///
-/// Those of [`json`] and [`print`].
+/// Errors of [`json`] and [`print`].
 pub(super) fn print_json(document: &impl Serialize) -> Result<(), Failure> {
     print(&json(document)?)
 }
@@ -167,7 +167,7 @@ pub(super) fn print_json(document: &impl Serialize) -> Result<(), Failure> {
 ///
 /// # Errors
 ///
-/// Those of [`print`].
+/// Errors of [`print`].
 pub(super) fn print_bytes(bytes: &[u8]) -> Result<(), Failure> {
     write_to(&mut std::io::stdout().lock(), bytes)
 }

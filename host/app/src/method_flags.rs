@@ -27,7 +27,7 @@ pub(super) struct MethodFlags {
 struct OwnFlags {
     #[arg(long, value_name = "MODE", help = MODE_HELP, value_parser = mode_parser())]
     mode: Option<FgrMode>,
-    /// Of fgr: seed of its draws [default: 0].
+    /// Seed of FGR's draws [default: 0].
     #[arg(long, value_name = "N", value_parser = seed)]
     seed: Option<u64>,
 }

@@ -16,7 +16,7 @@ pub(crate) struct ReportArgs {
     /// Folder of a run that came to its end.
     #[arg(value_name = "RUN")]
     run: PathBuf,
-    /// Where to write the page; `-`: standard output [default: report.html in RUN].
+    /// File of the page; `-`: standard output [default: report.html in RUN].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Write every chart as well, as SVG and as PNG.

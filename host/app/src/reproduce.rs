@@ -65,10 +65,10 @@ pub(crate) struct ReproduceArgs {
     /// on them.
     #[arg(long, value_name = "LIST")]
     real: Option<PathBuf>,
-    /// Where the list's relative paths begin [default: the list's folder].
+    /// Folder of the list's relative paths [default: the list's folder].
     #[arg(long, value_name = "FOLDER", requires = "real")]
     real_data: Option<PathBuf>,
-    /// How the table is printed.
+    /// Format of the printed table.
     #[arg(long, value_enum, default_value_t = Format::Text, conflicts_with = "json")]
     format: Format,
     /// Write the page here as well; `-`: to standard output, instead of the table.
@@ -81,7 +81,7 @@ pub(crate) struct ReproduceArgs {
     common: Common,
 }
 
-/// How the table is printed.
+/// Format of the printed table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Format {
     /// To read.

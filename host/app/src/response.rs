@@ -29,10 +29,10 @@ pub(super) struct ResponseArgs {
     /// Take every top for an echo, whatever the instrument adds after a strong one.
     #[arg(long)]
     no_response: bool,
-    /// Where to write the response, in the format that --response reads (CSV).
+    /// File of the response, in the format that --response reads (CSV).
     #[arg(long, value_name = "FILE", conflicts_with = "no_response")]
     write_response: Option<PathBuf>,
-    /// Where to draw the response (HTML).
+    /// Page of the response (HTML).
     #[arg(long, value_name = "FILE", conflicts_with = "no_response")]
     plot_response: Option<PathBuf>,
 }

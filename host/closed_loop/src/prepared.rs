@@ -62,9 +62,9 @@ fn changed_by(cost: CostKind) -> String {
 choice! {
     /// One of the two sets of pairs.
     pub enum PairSet by default Test {
-        /// Those that a search sees.
+        /// Pairs that a search sees.
         Train = "train",
-        /// Those that it is judged on: other viewpoints of the same towns.
+        /// Held-out pairs that judge it: other viewpoints of the same towns.
         Test = "test",
     }
 }

@@ -26,11 +26,11 @@ use echoloop_sensors::sensor::SensorError;
 
 /// Errors on the held-out pairs.
 pub struct Judged {
-    /// Of the start's sensor with the plain method, where the start's is not plain.
+    /// Errors of the start's sensor with the plain method, where the start's is not plain.
     pub plain: Option<Summary>,
-    /// Of the start.
+    /// Errors of the start.
     pub before: Summary,
-    /// Of the tuned parameters.
+    /// Errors of the tuned parameters.
     pub after: Summary,
 }
 

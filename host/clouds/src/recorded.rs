@@ -16,7 +16,7 @@ pub(crate) const NORMALS: [[&str; 3]; 2] =
 pub(crate) enum Keep {
     /// The fields of a [`Cloud`].
     Points,
-    /// Those and every other number of each point.
+    /// Coordinates and every other number of each point.
     All,
 }
 

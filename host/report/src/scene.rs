@@ -26,7 +26,7 @@ impl SceneReport<'_> {
     ///
     /// # Errors
     ///
-    /// Those of [`picture_png`](crate::picture_png).
+    /// Errors of [`picture_png`](crate::picture_png).
     pub fn page(&self) -> Result<String, String> {
         let packed = Packed::new(&self.scene().mesh, MOST_TRIANGLES);
         let still = picture_png(&self.still(STILL_PX), &[])?;

@@ -36,7 +36,7 @@ impl SceneReport<'_> {
     ///
     /// # Errors
     ///
-    /// Those of [`picture_png`].
+    /// Errors of [`picture_png`].
     pub fn picture(&self, width: usize) -> Result<Vec<u8>, String> {
         let [scene, _] = self.survey.checksums();
         let small = Checksum::of(&[self.still(SMALL_PX).pixels.as_flattened()]);

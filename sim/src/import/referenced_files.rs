@@ -245,7 +245,7 @@ mod tests {
         outer
     }
 
-    /// Why the names of an `mtllib` line are refused.
+    /// Reason why the names of an `mtllib` line are refused.
     fn refusal(home: &Path, which: Libraries, names: &str) -> String {
         ReferencedFiles::new(home, which).open(names).unwrap_err()
     }

@@ -19,7 +19,7 @@ use crate::target::{ARMV7EM, RV32, Target};
 use step::{Step, Steps, distinct_lines};
 use verified::Verified;
 
-/// What to run of the checks.
+/// Choice of the checks to run.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct Test {
     /// Only the tests.

@@ -29,7 +29,7 @@ const SOURCES: [&str; 8] = [
 
 const CRC: Crc<u64> = Crc::<u64>::new(&CRC_64_XZ);
 
-/// What decides every image.
+/// Inputs that decide every image.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Verified {
     /// Checksum of sources, packages, features and profiles, hexadecimal.
@@ -154,7 +154,7 @@ fn packages(lock: &toml::Table, roots: &[String]) -> BTreeMap<String, BTreeSet<S
     found
 }
 
-/// What the workspace's manifest says of these packages and of the images' profile.
+/// Settings in the workspace's manifest of these packages and of the images' profile.
 fn settings(manifest: &toml::Table, packages: &BTreeMap<String, BTreeSet<String>>) -> String {
     let workspace = manifest.get("workspace");
     let dependencies = workspace.and_then(|w| w.get("dependencies")?.as_table());

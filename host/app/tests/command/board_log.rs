@@ -28,7 +28,7 @@ struct Log {
 }
 
 impl Log {
-    /// What an STM32F405 in the emulator says while it is asked this and that.
+    /// Log of an STM32F405 in the emulator that answers several requests.
     fn record() -> Option<Self> {
         let options = emulated()?;
         let front_end = Model::from(&RunConfig::default()).front_end();

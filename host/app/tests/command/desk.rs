@@ -1,5 +1,5 @@
-//! Who tunes chooses the axes, goes on with what is finished, begins with what was tuned, and
-//! brings an optimiser of their own.
+//! A tuning run with axes of the user's choice, extended, begun at an earlier result, or driven by
+//! another optimiser.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Write};

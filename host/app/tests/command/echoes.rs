@@ -549,7 +549,7 @@ fn a_file_that_is_no_response_is_refused_with_its_name() {
     fixture.refuses(&both, &["--no-response"]);
 }
 
-/// Of places within `tolerance` of each other, greedily by distance, how many pair up.
+/// Number of pairs of places within `tolerance`, matched greedily by distance.
 fn paired(found: &[f64], truth: &[f64], tolerance: f64) -> usize {
     let mut pairs: Vec<_> = found
         .iter()

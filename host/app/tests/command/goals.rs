@@ -1,4 +1,4 @@
-//! What else counts beside the error: the least of a cost, and the front of error against it.
+//! Goals beside the error: the least of a cost, and the front of error against it.
 
 use std::fs;
 

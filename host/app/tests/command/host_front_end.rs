@@ -36,7 +36,7 @@ const FEW: [&str; 12] = [
     "data.test_pairs=2",
 ];
 
-/// What a line does to what it carries.
+/// Effect of a line on the bytes it carries.
 #[derive(Default)]
 struct Harm {
     /// Bytes to the board that still pass; then some are lost, and it passes bytes again.
@@ -130,7 +130,7 @@ fn config(fixture: &Fixture, changes: &[&str]) -> RunConfig {
     load(Some(&fixture.path("small.toml")), &overrides).expect("a configuration")
 }
 
-/// What a command prints, but for which sensor it was.
+/// Output of a command without the name of its sensor.
 fn printed(fixture: &Fixture, arguments: &[&str]) -> serde_json::Value {
     let mut document = succeed(fixture, arguments).json();
     assert!(document["sensor"].take().is_string(), "{document}");

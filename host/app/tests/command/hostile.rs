@@ -8,7 +8,7 @@ use crate::fixture::Fixture;
 const TRIANGLE: &str = "v 0 0 0\nv 9 0 0\nv 0 9 0\nf 1 2 3\n";
 const POSE: [&str; 7] = ["--pose", "1", "1", "1", "0", "0", "0"];
 
-/// What `scan` says of a mesh that it must refuse.
+/// Refusal of a mesh by `scan`.
 fn scan_refuses(fixture: &Fixture, mesh: &str, parts: &[&str]) {
     let scan = ["scan", "-c", "small.toml", "--scene", mesh];
     fixture.refuses(&[&scan[..], &POSE].concat(), parts);

@@ -57,7 +57,7 @@ fn of<'a>(config: &'a RunConfig, dataset: &'a Dataset, sensors: &'a Sensors) -> 
     }
 }
 
-/// What a search leaves: its journal and its choice, to the byte.
+/// Results of a search: its journal and its choice, to the byte.
 #[derive(PartialEq)]
 struct Left {
     journal: Vec<u8>,
@@ -127,7 +127,7 @@ fn no_place_no_noise_and_no_error_of_a_held_out_pair_reaches_the_search_or_the_c
     }
 }
 
-/// What a sensor was asked to show: viewpoints by their number, each with the seed of its noise.
+/// Views asked of a sensor: viewpoints by their number, each with the seed of its noise.
 type Asked = BTreeSet<(u32, u64)>;
 
 /// Shows viewpoints, and notes which.

@@ -154,7 +154,7 @@ fn is_emulator(id: &u32) -> bool {
     fs::read_to_string(format!("/proc/{id}/comm")).is_ok_and(|name| name.starts_with("qemu"))
 }
 
-/// Where an emulator's memory, log and line lie.
+/// Paths of an emulator's memory, log and line.
 fn folder_of(emulator: u32) -> Option<PathBuf> {
     let line = fs::read_to_string(format!("/proc/{emulator}/cmdline")).ok()?;
     let (_, after) = line.split_once("mem-path=")?;

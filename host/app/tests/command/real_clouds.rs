@@ -1,4 +1,4 @@
-//! What was tuned, on clouds from files: those that a cell itself was judged on give the cell's own
+//! Tuned settings on clouds from files: those that a cell itself was judged on give the cell's own
 //! errors, and a list that cannot be read is refused by name.
 
 use std::collections::BTreeSet;

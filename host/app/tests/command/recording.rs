@@ -13,7 +13,7 @@ use serde_json::json;
 
 const SCANS: usize = 80;
 
-/// Where the sensor is, and CARLA's transform of it: left-handed, degrees.
+/// Pose of the sensor, and CARLA's transform of it: left-handed, degrees.
 fn pose(k: usize) -> (Pose, serde_json::Value) {
     let (x, y, yaw) = (-20.0 + 0.5 * k as f64, -12.0, 0.4 + 0.01 * k as f64);
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
@@ -21,7 +21,7 @@ fn pose(k: usize) -> (Pose, serde_json::Value) {
     (Pose::from_parts(Translation3::new(x, y, 1.8), turn), told)
 }
 
-/// What a scan of 48 × 16 beams sees of the yard, as CARLA writes it.
+/// Scan of the yard by 48 × 16 beams, as CARLA writes it.
 fn scan(caster: &Raycaster, world_from_sensor: &Pose, tag: u32) -> String {
     let (mut points, mut count) = (String::new(), 0);
     for beam in 0..48 * 16 {

@@ -141,7 +141,7 @@ fn page_and_picture_are_the_same_bytes_on_one_thread_and_on_two() {
     assert_eq!(picture[16..24], [0, 0, 0, 160, 0, 0, 0, 100], "width and height");
 }
 
-/// What a picture says of the scene and of how it was drawn.
+/// Text in a picture on its scene and its drawing.
 fn source(png: &[u8]) -> String {
     let key = b"Source\0";
     let at = png.windows(key.len()).position(|bytes| bytes == key).expect("a Source");

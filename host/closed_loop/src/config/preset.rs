@@ -52,7 +52,7 @@ choice! {
 choice! {
     /// Ranges and defaults of Θ_reg.
     pub enum Preset by default Outdoor {
-        /// What outdoor spacing needs.
+        /// Settings for outdoor spacing.
         Outdoor = "outdoor",
         /// The paper's ranges (Sec. 3.3), made for indoor spacing.
         Paper = "paper",

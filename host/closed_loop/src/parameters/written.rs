@@ -16,7 +16,7 @@ pub fn written(name: &str, value: f64) -> Written {
 ///
 /// # Errors
 ///
-/// Those of the serializer.
+/// Errors of the serializer.
 pub fn written_values<S: Serializer>(values: &Values, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(values.iter().map(|(name, &value)| (name, written(name, value))))
 }

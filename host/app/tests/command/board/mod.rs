@@ -115,7 +115,7 @@ impl Board {
         Self::with(config, answers_left)
     }
 
-    /// Of another configuration than the small one.
+    /// Board of another configuration than the small one.
     pub(crate) fn of(config: &RunConfig) -> Self {
         Self::with(config.clone(), usize::MAX)
     }
@@ -172,7 +172,7 @@ fn liar(hello: Report, room: Room, line: TTYPort, stop: &Arc<AtomicBool>) -> Joi
     })
 }
 
-/// What a command says to a sensor of this build and pattern.
+/// Output of a command to a sensor of this build and pattern.
 pub(crate) fn ask_a_liar(build: &str, pattern: ScanPattern, arguments: &[&str]) -> CommandOutput {
     let room = Room { codes: MAX_CODES as u32, frames: 1 };
     ask_a_liar_about(build, (Hardware::REFERENCE, pattern), room, arguments)

@@ -18,11 +18,11 @@ fn chromium() -> Option<PathBuf> {
     found
 }
 
-/// What a page became after its scripts ran, and what the browser output about it.
+/// A page after its scripts ran, and the browser's output about it.
 pub(crate) struct Opened {
     /// The document.
     pub(crate) dom: String,
-    /// What the browser output.
+    /// Output of the browser.
     log: String,
 }
 
@@ -73,7 +73,7 @@ impl Opened {
     }
 }
 
-/// Whether the console says something about the page, not about drawing without a graphics card.
+/// True when a line of the console is about the page, not about drawing without a graphics card.
 fn is_complaint(line: &str) -> bool {
     let is_driver = line.contains("software WebGL") || line.contains("GL Driver Message");
     line.contains("CONSOLE") && !is_driver

@@ -1,6 +1,6 @@
 //! Charts read back: what is drawn where.
 
-/// What is drawn in the panel of that name.
+/// Drawing in the panel of that name.
 pub(crate) fn panel<'a>(page: &'a str, name: &str) -> &'a str {
     let (_, rest) = page
         .split_once(&format!("data-figure=\"{name}\""))
@@ -34,7 +34,7 @@ pub(crate) fn line(svg: &str, class: &str) -> Vec<[f64; 2]> {
     points.split_whitespace().map(corner).collect()
 }
 
-/// Where labels with a number stand, by their number; those of the axis at the left, or below.
+/// Positions of labels with a number, by their number: of the axis at the left, or below.
 pub(crate) fn ticks(svg: &str, is_left: bool) -> Vec<(f64, [f64; 2])> {
     let texts = svg.split("<text ").skip(1).filter(|text| text.contains("class=\"tick\""));
     let place = |tag: &str, name: &str| {
@@ -51,7 +51,7 @@ pub(crate) fn ticks(svg: &str, is_left: bool) -> Vec<(f64, [f64; 2])> {
         .collect()
 }
 
-/// What a place across is on a logarithmic axis of which two marks are known.
+/// Value at a place across on a logarithmic axis of which two marks are known.
 pub(crate) fn log_value(ticks: &[(f64, [f64; 2])], x: f64) -> f64 {
     let [(low, [left, _]), .., (high, [right, _])] = ticks else { panic!("two ticks") };
     low * (high / low).powf((x - left) / (right - left))
