@@ -6,8 +6,8 @@ around); 49,000 beams in the half circle, or a quarter, which is the paper's sca
 A pair counts if its scans overlap by 30 %: so many points of the one, thinned to 0.5 m, have a point of the other within
 1 m under the true motion, in the mean over both; of the full scans, for both densities. Without thinning, half of a scan's
 points would be those at the sensor's foot, which a scan 10 m ahead never sees. The bound was set before any method of
-ours had run. Success is 1 m and 5°. Ours run with the default settings of the voxel, and with those that `suggest_method` and
-`suggest_refinement` make of the clouds; none were tuned on these towns.
+ours had run. Success is 1 m and 5°. Ours run with the default settings of the voxel, and with those that `Suggestions`
+makes of the clouds; none were tuned on these towns.
 
 Ours also say whether they found anything: `converged` is yes. To see what that is worth, they register the source of a cell's last
 pair to the target of its first as well, which stand in different towns.

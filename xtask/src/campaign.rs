@@ -78,9 +78,11 @@ pub(crate) struct Line<T> {
 impl<'de, T: DeserializeOwned> Deserialize<'de> for Line<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let mut members = Map::deserialize(deserializer)?;
+        let asked = members.remove("asked"); // name of the cell in lines of earlier versions
         let mut own = |name| members.remove(name).ok_or_else(|| D::Error::missing_field(name));
+        let cell = asked.map_or_else(|| own("cell"), Ok)?;
         Ok(Self {
-            cell: serde_json::from_value(own("cell")?).map_err(D::Error::custom)?,
+            cell: serde_json::from_value(cell).map_err(D::Error::custom)?,
             made: serde_json::from_value(own("made")?).map_err(D::Error::custom)?,
             result: serde_json::from_value(Value::Object(members)).map_err(D::Error::custom)?,
         })
@@ -303,6 +305,8 @@ mod tests {
         let text = serde_json::to_string(&line).unwrap();
         let expected = r#"{"cell":{"scene":"structured","seed":3},"made":"today","pairs":12}"#;
         assert_eq!(text, expected);
+        let older = text.replace("cell", "asked");
+        assert_eq!(serde_json::from_str::<Line<_>>(&older).unwrap(), line);
         assert_eq!(serde_json::from_str::<Line<_>>(&text).unwrap(), line);
     }
 }

@@ -90,7 +90,8 @@ impl<'a> Suggestions<'a> {
             }
             (Method::Mac, _) => MethodConfig::Mac(MacConfig::from_features(features())),
             (Method::Auto, _) => MethodConfig::Auto(self.auto(voxel_m)),
-            (local, _) => with_lengths(local, icp()),
+            (local, _) if !local.is_global() => with_lengths(local, icp()),
+            (other, _) => MethodConfig::outdoor(other),
         }
     }
 
@@ -233,6 +234,7 @@ fn radius_m(cloud: &Cloud) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::GicpConfig;
 
     /// A square of floor with points `spacing_m` apart on a lattice, 2 m below the sensor.
     fn floor(side_m: f64, spacing_m: f64) -> Cloud {
@@ -289,6 +291,8 @@ mod tests {
             let suggestions = Suggestions::new(a, b);
             assert_eq!(suggestions.refinement(voxel_m).check(), Ok(()));
             assert_eq!(suggest_features(a, b).check(), Ok(()));
+            let gicp = MethodConfig::Gicp(GicpConfig::from(&suggest(a, b)));
+            assert_eq!(suggestions.method(Method::Gicp, FgrMode::Annealed, None), gicp);
             for method in Method::ALL {
                 for mode in [FgrMode::Annealed, FgrMode::Open3d] {
                     assert_eq!(suggestions.method(method, mode, None).check(), Ok(()));

@@ -114,7 +114,7 @@ impl Figure {
             height / FINE,
             *RULES
         );
-        let png = png(&svg).map_err(|error| format!("the figure {name}: {error}"))?;
+        let png = png(&svg).map_err(|error| format!("the chart {name}: {error}"))?;
         Ok(Self { name: name.to_owned(), svg, png })
     }
 }

@@ -219,7 +219,7 @@ fn a_single_sensor_stands_on_the_ground_below_a_canopy_and_not_on_it() {
 }
 
 #[test]
-fn a_sensor_on_a_crown_without_ground_around_it_is_not_ground() {
+fn a_sensor_on_a_crown_without_ground_around_it_is_off_the_ground() {
     let (vertices, triangles) = sheet(4, 7.0);
     let (standpoint, off_ground) = placed_in(&mesh_scene(vertices, triangles));
     assert_eq!((standpoint.footing, off_ground), (Footing::Top, true));

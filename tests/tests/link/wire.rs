@@ -637,7 +637,7 @@ fn a_hash_covers_settings_of_any_width() {
     }
 }
 
-/// Cuts, joins, removes and overwrites the bytes between delimiters.
+/// Cuts, joins, removes, overwrites and flips the bytes between delimiters.
 #[test]
 fn no_damaged_frame_is_accepted() {
     let mut rng = vectors::rng(7);
@@ -659,7 +659,8 @@ fn no_damaged_frame_is_accepted() {
         for _ in 0..rng.random_range(0..6) {
             let at = rng.random_range(0..bytes.len().max(1));
             if let Some(byte) = bytes.get_mut(at) {
-                *byte = rng.random();
+                *byte =
+                    if rng.random() { rng.random() } else { *byte ^ (1 << rng.random_range(0..8)) };
             }
         }
         bytes.push(0);

@@ -181,7 +181,7 @@ fn a_flag_that_takes_no_such_number_says_which_it_takes_before_anything_is_trace
         .refuses(&["echoes", "a.csv", "--sample-ns", "1", "--least-echoes", "3"], &["16 or more"]);
     let register = ["register", "absent.xyz", "absent.xyz", "--method", "icp"];
     for (flag, value, expected) in [
-        ("--max-iterations", "-1", "expected a whole number, icp, gicp"),
+        ("--max-iterations", "-1", "expected a whole number, icp, gicp: 1 or more"),
         ("--max-iterations", "0", "max_iterations is 0, expected 1 or more"),
         ("--voxel-m", "-1", "voxel_m is -1, expected a length above 0 m"),
     ] {

@@ -58,7 +58,7 @@ fn killed_at_any_moment_it_goes_on_and_the_table_is_the_same_on_one_thread_and_t
     fixture.succeed(&small(&[&cells[..], &["--runs", "whole", "--threads", "1"]].concat()));
     let killed = small(&[&cells[..], &["--runs", "killed", "--threads", "2"]].concat());
     let mut child = fixture.command(&killed).stdout(Stdio::null()).spawn().expect("it starts");
-    let journal = fixture.path("killed/runs/outdoor-fast-joint-mac-structured/history.jsonl");
+    let journal = fixture.path("killed/runs/outdoor-fast-lidar-mac-structured/history.jsonl");
     let lines = || fs::read_to_string(&journal).unwrap_or_default().lines().count();
     while lines() < 3 && child.try_wait().expect("a child").is_none() {
         std::thread::sleep(Duration::from_millis(2));
@@ -89,7 +89,7 @@ fn killed_at_any_moment_it_goes_on_and_the_table_is_the_same_on_one_thread_and_t
 #[test]
 fn what_is_judged_on_reaches_neither_the_search_nor_the_choice() {
     let fixture = Fixture::new();
-    let methods = "icp,fgr";
+    let methods = "fgr,mac";
     let more = |pairs, runs| small(&["--method", methods, "--pairs", pairs, "--runs", runs]);
     // The last of a flag given twice is not taken: the small one is left out.
     let with = |pairs: &'static str, runs: &'static str| {

@@ -178,9 +178,9 @@ fn keep_plainer_half(narrow: &mut Vec<Strong>, curve: &Curve) {
             / count
     };
     let half = narrow.len().div_ceil(2);
-    // The bits of numbers from 0 on are ordered as they are.
-    narrow.sort_by_cached_key(|s| off(s).to_bits());
-    narrow.truncate(half);
+    let mut by_difference: Vec<_> = narrow.drain(..).map(|strong| (off(&strong), strong)).collect();
+    by_difference.sort_by(|a, b| a.0.total_cmp(&b.0));
+    narrow.extend(by_difference.into_iter().take(half).map(|(_, strong)| strong));
 }
 
 /// A record minus its echo, fitted as the response on a surface.

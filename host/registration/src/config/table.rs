@@ -324,7 +324,7 @@ settings! {
         gicp 50, searched("φ_icp", whole(8.0, 128.0), whole(8.0, 128.0), 30.0);
         fgr 256, searched("φ_fgr", whole(8.0, 512.0), whole(8.0, 128.0), 64.0)
             .bounded(between(1.0, 100000.0));
-        mac 20, PLAIN.bounded(Bound::of(Bounds::between(0.0, 1e5).called("at most 100000")));
+        mac 20, PLAIN.bounded(Bound::of(Bounds::between(f64::MIN, 1e5).called("at most 100000")));
     }
     translation_tolerance_m: f64, "m", TOLERANCE, formerly "still_m",
         "Length of a step, m, below which the run ends if its turn is within its tolerance too.",
