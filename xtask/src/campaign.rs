@@ -73,7 +73,7 @@ pub(crate) struct Line<T> {
     pub(crate) result: T,
 }
 
-/// By hand: the derived form of `flatten` reads no floats where another crate of the build turns on
+/// Written by hand: derived `flatten` cannot read floats where another crate of the build enables
 /// serde_json's `arbitrary_precision`.
 impl<'de, T: DeserializeOwned> Deserialize<'de> for Line<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -166,14 +166,14 @@ impl Plan {
     ) -> Result<()> {
         build_release()?;
         let record = workspace()?.join(&self.record);
-        let mut done: Vec<Line<T>> = lines(&record)?;
+        let mut recorded: Vec<Line<T>> = lines(&record)?;
         let mut failed = Vec::new();
         for (number, cell) in cells.iter().enumerate() {
-            if done.iter().any(|line| line.cell == *cell) {
+            if recorded.iter().any(|line| line.cell == *cell) {
                 continue;
             }
             let run = || -> Result<Option<Line<T>>> {
-                let Some(more) = more(cell, &done)? else { return Ok(None) };
+                let Some(more) = more(cell, &recorded)? else { return Ok(None) };
                 eprintln!("{} of {}: {cell}", number + 1, cells.len());
                 let arguments = [self.arguments(cell), more].concat();
                 let result = self.finished(cell, arguments, &read)?;
@@ -183,12 +183,12 @@ impl Plan {
                 Ok(None) => {}
                 Ok(Some(line)) => {
                     append(&record, &line)?;
-                    done.push(line);
+                    recorded.push(line);
                 }
                 Err(error) => failed.push(format!("{cell}: {error:#}")),
             }
         }
-        ensure!(failed.is_empty(), "no line of:\n{}", failed.join("\n"));
+        ensure!(failed.is_empty(), "failed runs:\n{}", failed.join("\n"));
         Ok(())
     }
 
@@ -262,7 +262,7 @@ impl fmt::Display for Cell {
     }
 }
 
-/// Mean over runs, each a group of pairs, with its interval: the same numbers on every machine.
+/// Mean over runs, each a group of pairs, with its interval. Seeded: the same on every machine.
 pub(crate) fn mean(groups: &[Vec<f64>]) -> Option<Estimate> {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     mean_of_groups(groups, &mut |count| random.random_range(0..count))

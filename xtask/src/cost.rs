@@ -23,8 +23,8 @@ use machine::{MACHINES, Machine};
 use page::{Aim, CMSIS_FAST, PAGE, aims};
 use table::{TABLE, TOLERANCE_PERCENT, Table, compare, parse};
 
-/// Time after which an emulator hangs.
-const LONGEST: Duration = Duration::from_secs(60);
+/// Timeout of an emulator.
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Counts on the processors of some targets, or on all, and compares with the committed table, or
 /// rewrites it.
@@ -49,8 +49,8 @@ fn write(counted: &Table) -> Result<()> {
     Ok(())
 }
 
-/// Compares with the committed table and the aims; of processors that were not counted, the
-/// committed figures stand.
+/// Compares with the committed table and the aims; processors that were not counted keep their
+/// committed figures.
 fn check(mut counted: Table) -> Result<()> {
     let root = workspace()?;
     let text =
@@ -108,7 +108,7 @@ pub(crate) fn counted() -> Result<Option<serde_json::Value>> {
 /// Figures of some processors; `None`, reported, when a toolchain or an emulator is missing, which
 /// is an error where `CI` is set.
 fn count(machines: &[&Machine]) -> Result<Option<Table>> {
-    match machines.iter().try_for_each(|machine| is_there(machine)) {
+    match machines.iter().try_for_each(|machine| check_installed(machine)) {
         Ok(()) => count_all(machines).map(Some),
         Err(error) if env::var_os("CI").is_some() => {
             bail!("the cost on a microcontroller cannot be counted: {error:#}")
@@ -121,7 +121,7 @@ fn count(machines: &[&Machine]) -> Result<Option<Table>> {
 }
 
 /// Fails when a machine's toolchain or emulator is missing.
-fn is_there(Machine { target, emulator, package, .. }: &Machine) -> Result<()> {
+fn check_installed(Machine { target, emulator, package, .. }: &Machine) -> Result<()> {
     firmware::toolchain(target)?;
     ensure!(on_path(emulator), "no {emulator}; run: apt-get install {package}");
     Ok(())
@@ -165,7 +165,7 @@ fn emulate(machine: &Machine, image: &Path) -> Result<String> {
         let mut output = String::new();
         stdout.read_to_string(&mut output).map(|_| output)
     });
-    let deadline = Instant::now() + LONGEST;
+    let deadline = Instant::now() + TIMEOUT;
     let status = loop {
         match child.try_wait()? {
             Some(status) => break Some(status),
@@ -180,7 +180,7 @@ fn emulate(machine: &Machine, image: &Path) -> Result<String> {
     let output = reader.join().ok().context("cannot read")??;
     let last = output.lines().last().unwrap_or("nothing");
     match status {
-        None => bail!("did not end in {LONGEST:?}; its last line: {last}"),
+        None => bail!("did not end in {TIMEOUT:?}; its last line: {last}"),
         Some(status) => {
             ensure!(status.success() && last == "end", "{status}; its last line: {last}")
         }

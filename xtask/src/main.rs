@@ -107,7 +107,7 @@ enum Task {
 
 fn main() -> Result<()> {
     match Task::parse() {
-        Task::Test(asked) => test::run(&asked),
+        Task::Test(args) => test::run(&args),
         Task::Firmware { target, verbose, lint, for_tests } => {
             firmware::checked(&target, verbose, lint, for_tests)
         }

@@ -24,8 +24,8 @@ const POWER_W: f64 = 75.0;
 const PULSE_J: f64 = 375e-9;
 const GRID_BEAMS: f64 = 12_288.0;
 /// Greatest errors of a registration that succeeded (Sec. 4.1).
-const MOST_M: f64 = 0.5;
-const MOST_DEG: f64 = 2.5;
+const MAX_M: f64 = 0.5;
+const MAX_DEG: f64 = 2.5;
 
 /// Patterns to run.
 #[derive(Clone, Debug, clap::Args)]
@@ -68,13 +68,13 @@ pub(crate) fn run(args: &Patterns) -> Result<()> {
 }
 
 /// Argument for the power of a run; `None` where the pattern has no more energy than the grid.
-fn power(cell: &Cell, done: &[Line]) -> Result<Option<Vec<String>>> {
+fn power(cell: &Cell, recorded: &[Line]) -> Result<Option<Vec<String>>> {
     let argument = |power_w: f64| vec![format!("--set=lidar.power={power_w:.2}")];
     if cell.of("light") == "time" {
         return Ok(Some(argument(POWER_W)));
     }
     let at_equal_time = cell.with("light", "time");
-    let line = done.iter().find(|line| line.cell == at_equal_time);
+    let line = recorded.iter().find(|line| line.cell == at_equal_time);
     let beams = line.context("the run at equal time comes first")?.result.beams();
     Ok((beams > GRID_BEAMS).then(|| argument(POWER_W * GRID_BEAMS / beams)))
 }
@@ -93,7 +93,7 @@ impl Run {
         };
         let (errors, power_w, energy_j) =
             read().ok_or_else(|| anyhow!("the result is not evaluate's"))?;
-        let found = errors.iter().filter(|[m, deg]| *m <= MOST_M && *deg <= MOST_DEG);
+        let found = errors.iter().filter(|[m, deg]| *m <= MAX_M && *deg <= MAX_DEG);
         let errors_mm = found.map(|[m, _]| (1e6 * m).round() / 1e3).collect();
         Ok(Self { power_w, energy_j, pairs: errors.len(), errors_mm })
     }
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_has_the_beams_the_error_and_how_many_were_found() {
+    fn a_row_has_the_beams_the_mean_error_and_the_number_of_pairs_found() {
         let lines = [
             line("vlp-16", "time", 28_928.0, &[0.01, 0.01, 0.7]),
             line("vlp-16", "energy", 28_928.0, &[0.02, 0.02, 0.02]),

@@ -17,7 +17,7 @@ pub(crate) struct Toolchain {
     cargo: PathBuf,
     rustc: PathBuf,
     version: String,
-    /// True when core comes built, as with rustup; then there is a clippy, too.
+    /// True when core is prebuilt, as with rustup; then clippy is present, too.
     is_prebuilt: bool,
     /// Linker on the PATH; `None`: rustc's own.
     linker: Option<PathBuf>,
@@ -61,16 +61,16 @@ impl Toolchain {
         if !cargo.is_file() {
             return Err(format!("there is no {}", cargo.display()));
         }
-        let version = ask(rustc, &["--version"])?;
+        let version = query(rustc, &["--version"])?;
         if parse_version(&version).is_none_or(|found| found < at_least) {
             return Err(format!("{version} is older than {}.{}", at_least.0, at_least.1));
         }
-        if !ask(rustc, &["--print", "target-list"])?.lines().any(|line| line == target) {
+        if !query(rustc, &["--print", "target-list"])?.lines().any(|line| line == target) {
             return Err("it does not know the target".into());
         }
         let libraries =
-            PathBuf::from(ask(rustc, &["--print", "target-libdir", "--target", target])?);
-        let sysroot = PathBuf::from(ask(rustc, &["--print", "sysroot"])?);
+            PathBuf::from(query(rustc, &["--print", "target-libdir", "--target", target])?);
+        let sysroot = PathBuf::from(query(rustc, &["--print", "sysroot"])?);
         let source = sysroot.join("lib/rustlib/src/rust/library/core/Cargo.toml");
         let is_prebuilt = holds_core(&libraries);
         if !is_prebuilt && !source.is_file() {
@@ -85,7 +85,7 @@ impl Toolchain {
         self.version.split(" (").next().unwrap_or(&self.version)
     }
 
-    /// True when core comes built.
+    /// True when core is prebuilt.
     pub(crate) fn is_prebuilt(&self) -> bool {
         self.is_prebuilt
     }
@@ -116,8 +116,8 @@ impl Toolchain {
         command
     }
 
-    /// Adds the arguments after the subcommand that build core from source, which is unstable, so
-    /// only this child may.
+    /// Adds the arguments after the subcommand that build core from source: unstable, so only this
+    /// command gets `RUSTC_BOOTSTRAP`.
     pub(crate) fn finish<'a>(&self, command: &'a mut Command) -> &'a mut Command {
         if !self.is_prebuilt {
             command.env("RUSTC_BOOTSTRAP", "1").arg("-Zbuild-std=core");
@@ -139,7 +139,7 @@ fn candidates() -> Vec<Candidate> {
     found
 }
 
-fn ask(rustc: &Path, arguments: &[&str]) -> Result<String, String> {
+fn query(rustc: &Path, arguments: &[&str]) -> Result<String, String> {
     let output = Command::new(rustc)
         .args(arguments)
         .output()
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_target_that_nothing_builds_for_is_refused_with_every_reason_and_what_helps() {
+    fn an_unsupported_target_is_refused_with_every_reason_and_the_remedies() {
         let target =
             Target { name: "future", triple: "thumbv99-none-eabi", processor: Some("cortex-m99") };
         let error = Toolchain::find(&target, (1, 93)).unwrap_err().to_string();
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn a_toolchain_that_is_too_old_is_passed_over() {
+    fn a_toolchain_that_is_too_old_is_skipped() {
         let error = Toolchain::find(&ARMV7EM, (99, 0)).unwrap_err().to_string();
         assert!(error.contains("is older than 99.0"), "{error}");
     }

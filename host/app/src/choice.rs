@@ -121,7 +121,7 @@ impl SensorChoice {
         }
     }
 
-    /// The flags as text, for a command that goes on; empty for the default sensor.
+    /// The flags as text, for a command that resumes; empty for the default sensor.
     pub(super) fn again(&self) -> String {
         let file = |flag: &str, path: &Option<PathBuf>| {
             path.as_ref().map(|path| format!(" {flag} {}", path.display()))
@@ -140,7 +140,7 @@ impl SensorChoice {
         }
     }
 
-    /// True when somebody else points the sensor: a board on a serial line with its own front end.
+    /// True when the sensor is aimed externally: a board on a serial line with its own front end.
     pub(super) fn is_turned_by_others(&self) -> bool {
         matches!(self.sensor, SensorSpec::Serial(_)) && self.front_end == FrontEndAt::Sensor
     }

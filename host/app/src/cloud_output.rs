@@ -38,14 +38,14 @@ pub(super) struct CloudOutput {
 
 impl CloudOutput {
     /// Checks that a cloud can be written there, before any work.
-    pub(super) fn at(named: &Path, asked: Option<CloudFormat>) -> Result<Self, Failure> {
+    pub(super) fn at(named: &Path, format: Option<CloudFormat>) -> Result<Self, Failure> {
         let refused = |why: &str| Failure::usage(format!("--output {}: {why}", named.display()));
         let file = if is_stdout(named) { None } else { Some(Output::at(named)?) };
         let is_stream = file.as_ref().is_none_or(Output::is_stream);
-        let format = match (CloudFormat::of(named), asked) {
-            (Some(said), Some(asked)) if said != asked => {
-                let (said, asked) = (said.name(), asked.name());
-                return Err(refused(&format!("the name says {said}, --format says {asked}")));
+        let format = match (CloudFormat::of(named), format) {
+            (Some(name), Some(flag)) if name != flag => {
+                let (name, flag) = (name.name(), flag.name());
+                return Err(refused(&format!("the name says {name}, --format says {flag}")));
             }
             (Some(format), _) | (None, Some(format)) => format,
             (None, None) if is_stream => CloudFormat::Ply,

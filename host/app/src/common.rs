@@ -80,7 +80,7 @@ impl ConfigSource {
     }
 }
 
-/// Configuration that a run tuned; where another method is asked for, with that one's defaults.
+/// Configuration that a run tuned; with another method, that method's defaults.
 fn start_of(run: &Path, overrides: &[Override]) -> Result<RunConfig, Failure> {
     let mut config = tuned_config(run)?;
     let asked = overrides.iter().rev().find_map(|change| change.text_of("registration.method"));

@@ -11,7 +11,7 @@ use super::exit::{self, Failure};
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::MethodChoice;
 use super::number::{flag, number_of, read};
-use super::prepared::{meet, traced};
+use super::prepared::{connect, traced};
 use super::progress::Progress;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::dataset::{DatasetError, Facts};
@@ -23,9 +23,9 @@ use echoloop_closed_loop::prepared::{PairSet, Preparation};
 use echoloop_closed_loop::scan_folder::go_on;
 use echoloop_closed_loop::search::Observer;
 
-/// Step between the difficulties tried, and the greatest that the key takes.
+/// Step between the difficulties tried, and the upper bound of `data.difficulty`.
 const STEP: f64 = 0.5;
-const MOST: f64 = 6.0;
+const MAX_DIFFICULTY: f64 = 6.0;
 
 /// Flags of `difficulty`.
 #[derive(Clone, Debug, Args)]
@@ -52,21 +52,21 @@ fn recall(text: &str) -> Result<f64, String> {
     read(&flag(Kind::Number, Bounds::between(1.0, 99.0)), text)
 }
 
-/// Recall at a difficulty and facts about its pairs; or the reason why there are no such pairs.
-type Judged = Result<(DifficultyStep, Facts), DatasetError>;
+/// Recall at a difficulty and facts about its pairs, or the reason why there are no such pairs.
+type Evaluated = Result<(DifficultyStep, Facts), DatasetError>;
 
 /// Recall that is wanted, and the difficulty that gives it.
 struct Found {
     asked_pct: f64,
     difficulty: f64,
-    held_out: Judged,
+    held_out: Evaluated,
 }
 
 pub(super) fn run(args: &DifficultyArgs) -> Result<(), Failure> {
     let config = args.setup.source.load(args.method.overrides())?;
     if !config.scene.stored.is_empty() {
-        let said = "scene.stored: kept pairs are of one difficulty; difficulty traces its own";
-        return Err(Failure::usage(said));
+        let why = "scene.stored: kept pairs are of one difficulty; difficulty traces its own";
+        return Err(Failure::usage(why));
     }
     let stop = stop_on_interrupt();
     on_threads(args.setup.common.threads, || find(args, &config, &stop))?
@@ -75,12 +75,12 @@ pub(super) fn run(args: &DifficultyArgs) -> Result<(), Failure> {
 fn find(args: &DifficultyArgs, config: &RunConfig, stop: &AtomicBool) -> Result<(), Failure> {
     let least_pct = args.recall.iter().copied().fold(f64::INFINITY, f64::min);
     let mut steps: Vec<DifficultyStep> = Vec::new();
-    while steps.len() as f64 * STEP <= MOST && !is_far_below(&steps, least_pct) {
+    while steps.len() as f64 * STEP <= MAX_DIFFICULTY && !is_far_below(&steps, least_pct) {
         go_on(stop)?;
         let difficulty = steps.len() as f64 * STEP;
-        match judged(args, config, difficulty, PairSet::Train)? {
+        match evaluate_at(args, config, difficulty, PairSet::Train)? {
             Ok((step, _)) => steps.push(step),
-            // A place may be too small for more; the steps so far are printed.
+            // A scene may be too small for harder pairs; the steps so far are printed.
             Err(error) if steps.is_empty() => return Err(error.into()),
             Err(_) => break,
         }
@@ -91,23 +91,23 @@ fn find(args: &DifficultyArgs, config: &RunConfig, stop: &AtomicBool) -> Result<
         go_on(stop)?;
         if let Some(difficulty) = difficulty_at(&curve, asked_pct / 100.0) {
             let difficulty = (100.0 * difficulty).round() / 100.0;
-            let held_out = judged(args, config, difficulty, PairSet::Test)?;
+            let held_out = evaluate_at(args, config, difficulty, PairSet::Test)?;
             found.push(Found { asked_pct, difficulty, held_out });
         }
     }
     print(args, &steps, &found)
 }
 
-/// Registers the pairs of a difficulty with the settings that the configuration starts with. Pairs
-/// to tune on are as far apart as those to judge on.
-fn judged(
+/// Registers the pairs of a difficulty with the start settings of the configuration. Training pairs
+/// are as far apart as held-out ones.
+fn evaluate_at(
     args: &DifficultyArgs,
     config: &RunConfig,
     difficulty: f64,
     which: PairSet,
-) -> Result<Judged, Failure> {
+) -> Result<Evaluated, Failure> {
     let mut config = config.clone();
-    // One set is used: of the other a town has the fewest pairs allowed.
+    // Only one set is used; the other has the fewest pairs allowed, one a town.
     let (data, towns) = (&mut config.data, config.scene.towns.len().max(1));
     (data.train_pairs, data.test_pairs) = match which {
         PairSet::Train => (args.pairs, towns),
@@ -115,15 +115,15 @@ fn judged(
     };
     (data.difficulty, data.train_baseline_factor) = (difficulty, 1.0);
     let progress = Progress::new(args.setup.common.quiet);
-    let met = meet(config, &args.setup.sensor, &progress)?;
-    let prepared = match traced(met, Preparation::traced, &progress) {
+    let preparation = connect(config, &args.setup.sensor, &progress)?;
+    let prepared = match traced(preparation, Preparation::traced, &progress) {
         Err(error @ DatasetError::Viewpoints { .. }) => return Ok(Err(error)),
         prepared => prepared?,
     };
-    let noisy = prepared.pairs(which);
-    progress.begin("judging", noisy.pairs.len() as u64);
+    let pairs = prepared.pairs(which);
+    progress.begin("judging", pairs.pairs.len() as u64);
     let (start, done) = (&prepared.start, || progress.evaluated());
-    let errors = evaluate(&prepared.bench(), start, &noisy, &done)?;
+    let errors = evaluate(&prepared.bench(), start, &pairs, &done)?;
     progress.end();
     let successes = errors.iter().filter(|error| succeeds(error, &prepared.config.data)).count();
     let step = DifficultyStep { difficulty, successes, pairs: errors.len() };
@@ -183,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn recalls_that_all_or_none_reach_are_refused() {
+    fn recalls_of_0_and_100_percent_are_refused() {
         for text in ["0", "100", "-3", "many"] {
             assert!(recall(text).is_err(), "{text}");
         }

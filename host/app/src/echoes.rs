@@ -11,7 +11,7 @@ use echoloop_instruments::finder::EchoFinder;
 use super::common::{Common, on_threads};
 use super::exit::{Failure, print};
 use super::number::{ANY, number_as};
-use super::response::{ResponseArgs, told};
+use super::response::{ResponseArgs, response_line};
 use echoloop_instruments::{Finder, Options, Rows, Waveform, echoes, read_waveforms};
 
 /// Flags of `echoes`.
@@ -60,7 +60,7 @@ pub(super) fn run(args: &EchoesArgs) -> Result<(), Failure> {
         if let Some(response) = &response {
             outputs.write(response, &args.waves, args.sample_ns)?;
             if !args.common.quiet {
-                say(told(response, args.sample_ns));
+                say(response_line(response, args.sample_ns));
             }
         }
         print_all(args, &finder.with_response(response), &rows, outgoing.as_ref())

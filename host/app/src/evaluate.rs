@@ -9,7 +9,7 @@ use super::axis_flags::AxisFlags;
 use super::common::{Setup, TableFormat, on_threads};
 use super::exit::{self, Failure};
 use super::method_choice::MethodChoice;
-use super::prepared::{meet, percent, require_recall, traced};
+use super::prepared::{connect, percent, require_recall, traced};
 use super::progress::Progress;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::cost::CostKind;
@@ -78,10 +78,10 @@ impl EvaluateArgs {
 
 fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), Failure> {
     let progress = Progress::new(args.setup.common.quiet);
-    let met = meet(config, &args.setup.sensor, &progress)?;
-    let laid = met.start.with_values(values, &met.config, &met.hardware);
+    let preparation = connect(config, &args.setup.sensor, &progress)?;
+    let laid = preparation.start.with_values(values, &preparation.config, &preparation.hardware);
     let parameters = laid.map_err(|problem| args.refused(problem))?;
-    let prepared = traced(met, Preparation::traced, &progress)?;
+    let prepared = traced(preparation, Preparation::traced, &progress)?;
     if args.stream {
         return stream(&prepared, args.pairs(), &progress);
     }

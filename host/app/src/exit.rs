@@ -30,8 +30,8 @@ pub const READER_GONE: u8 = 141;
 pub struct Failure {
     /// The reason, without `error: `.
     pub message: String,
-    /// 1 the run, 2 usage, configuration or a file, 3 the link or the sensor, 4 below the recall
-    /// asked, 130 interrupted, 141 the reader of standard output has gone.
+    /// 1 the run, 2 usage, configuration or a file, 3 the link or the sensor, 4 below
+    /// `--require-recall`, 130 interrupted, 141 the reader of standard output has gone.
     pub code: u8,
 }
 
@@ -53,11 +53,11 @@ impl Failure {
 
 impl From<SensorError> for Failure {
     fn from(error: SensorError) -> Self {
-        let asked_wrong = matches!(
+        let is_usage = matches!(
             error,
             SensorError::Open { .. } | SensorError::Client { source: ClientError::Refused(_), .. }
         );
-        Self::new(if asked_wrong { 2 } else { 3 }, error)
+        Self::new(if is_usage { 2 } else { 3 }, error)
     }
 }
 
@@ -179,9 +179,9 @@ fn write_to(out: &mut impl Write, bytes: &[u8]) -> Result<(), Failure> {
     })
 }
 
-/// Prints the failure to standard error, unless the reader of standard output has gone, and gives
-/// the exit code. In a process that ^C is ending the failure is that of its stopped emulator: such
-/// a process ends here.
+/// Prints the failure to standard error, unless the reader of standard output has gone, and returns
+/// the exit code. After ^C the failure is that of the stopped emulator, so the process ends here
+/// instead.
 pub fn report_failure(failure: &Failure) -> std::process::ExitCode {
     if is_ending() {
         end_the_process();
@@ -198,7 +198,7 @@ mod tests {
 
     use super::*;
 
-    /// Takes a text into its buffer, and fails when it has to pass it on.
+    /// Accepts every byte, and fails at the flush.
     struct Full(ErrorKind);
 
     impl Write for Full {
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_written_is_a_failure_even_if_it_was_buffered() {
+    fn a_failed_flush_is_a_failure_although_the_write_succeeded() {
         let failed =
             write_to(&mut Full(ErrorKind::StorageFull), b"a\n").map_err(|f| (f.code, f.message));
         assert_eq!(failed, Err((1, "cannot write to standard output: no storage space".into())));

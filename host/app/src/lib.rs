@@ -7,9 +7,9 @@
 //!    [`Cli::run`];
 //! 3. a file of tests in `host/app/tests/command`, and a row in `docs/commands.md`.
 //!
-//! `run` makes the configuration (`ConfigSource::load`), checks what it is to write (`Output::at`),
-//! then works, on the threads asked for (`on_threads`), and prints text or, with `--json`, one
-//! document. Errors of libraries become exit codes in `exit`, by `?`.
+//! `run` loads the configuration (`ConfigSource::load`), checks its outputs (`Output::at`), works
+//! on the threads of `--threads` (`on_threads`), and prints text or, with `--json`, one document.
+//! Errors of libraries become exit codes in `exit`, by `?`.
 //!
 //! Files that are no command:
 //!
@@ -196,7 +196,7 @@ pub fn command() -> clap::Command {
     let command = command.mut_subcommand("scan", with_parameters);
     let command =
         command.mut_subcommand("echoes", |c| c.mut_arg("json", |json| json.help(JSON_LINES)));
-    // A negative number reaches its flag, which refuses it with its bound.
+    // A negative number reaches its flag's parser, whose refusal names the bound.
     command.allow_negative_numbers(true).mut_subcommands(|c| c.allow_negative_numbers(true))
 }
 
@@ -204,7 +204,7 @@ pub fn command() -> clap::Command {
 ///
 /// # Errors
 ///
-/// [`clap::Error`] when it makes no sense or asks for help.
+/// [`clap::Error`] when it is invalid or asks for help.
 pub fn matches_of<A: Into<OsString>>(
     line: impl IntoIterator<Item = A>,
 ) -> Result<ArgMatches, clap::Error> {
@@ -213,7 +213,7 @@ pub fn matches_of<A: Into<OsString>>(
     command.try_get_matches_from(line)
 }
 
-/// A message of clap, with the parts of the command line that it repeats shortened.
+/// Shortens the parts of the command line that a message of clap repeats.
 fn shortened(mut error: clap::Error) -> clap::Error {
     let repeated: Vec<_> = error
         .context()
@@ -229,8 +229,8 @@ fn shortened(mut error: clap::Error) -> clap::Error {
 }
 
 impl Cli {
-    /// Reads the command line; with a message for people, ends the process when it makes no sense
-    /// or asks for help.
+    /// Reads the command line. An invalid one, or a request for help, prints a message and ends the
+    /// process.
     pub fn from_command_line() -> Self {
         let matches = matches_of(std::env::args_os());
         let cli = matches.and_then(|matches| Self::from_arg_matches(&matches));

@@ -18,13 +18,13 @@ const HEADING: &str = "Settings; those left out are chosen from the clouds";
 pub(super) struct MethodFlags {
     /// Numbers.
     given: Vec<(&'static Setting, f64)>,
-    own: OwnFlags,
+    own: OtherFlags,
 }
 
-/// Flags that are no numbers of the table.
+/// Flags that are not in the table of settings.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = HEADING)]
-struct OwnFlags {
+struct OtherFlags {
     #[arg(long, value_name = "MODE", help = MODE_HELP, value_parser = mode_parser())]
     mode: Option<FgrMode>,
     /// Seed of FGR's draws [default: 0].
@@ -32,7 +32,7 @@ struct OwnFlags {
     seed: Option<u64>,
 }
 
-/// A flag for each setting. Made once: the parser keeps their names as long as the program runs.
+/// A flag for each setting. Built once, as their names are leaked: clap needs them `'static`.
 static FLAGS: LazyLock<Vec<Arg>> = LazyLock::new(|| SETTINGS.iter().map(flag).collect());
 
 fn flag(setting: &'static Setting) -> Arg {
@@ -81,7 +81,7 @@ fn methods(setting: &Setting) -> Vec<&'static str> {
     having.map(Method::name).collect()
 }
 
-/// Help of the table with the setting's bounds, after the methods that have it unless all do.
+/// Help of a setting with its bounds; the methods that have it come first, unless all do.
 fn help(setting: &Setting) -> String {
     let line = setting.help.strip_suffix('.').unwrap_or(setting.help);
     let line = format!("{line} [{}]", setting.bounds());
@@ -95,7 +95,7 @@ fn help(setting: &Setting) -> String {
 
 impl FromArgMatches for MethodFlags {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        Ok(Self { given: given(matches).collect(), own: OwnFlags::from_arg_matches(matches)? })
+        Ok(Self { given: given(matches).collect(), own: OtherFlags::from_arg_matches(matches)? })
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
@@ -106,7 +106,7 @@ impl FromArgMatches for MethodFlags {
 
 impl Args for MethodFlags {
     fn augment_args(command: Command) -> Command {
-        OwnFlags::augment_args(command.args(FLAGS.iter().cloned()))
+        OtherFlags::augment_args(command.args(FLAGS.iter().cloned()))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -121,11 +121,11 @@ impl MethodFlags {
 
     /// Refuses settings that the method does not have, and values out of bounds.
     pub(super) fn check(&self, method: Method) -> Result<(), Failure> {
-        let strange = self.given.iter().find(|(setting, _)| setting.of(method).is_none());
+        let unknown = self.given.iter().find(|(setting, _)| setting.of(method).is_none());
         let own = [("mode", self.own.mode.is_some()), ("seed", self.own.seed.is_some())];
         let own =
             own.into_iter().find(|(_, given)| *given && method != Method::Fgr).map(|(key, _)| key);
-        if let Some(key) = strange.map(|(setting, _)| setting.key).or(own) {
+        if let Some(key) = unknown.map(|(setting, _)| setting.key).or(own) {
             let flag = dashed(key);
             return Err(Failure::usage(format!("--{flag} is no setting of {}", method.name())));
         }
@@ -145,16 +145,16 @@ impl MethodFlags {
         let voxel = self.given.iter().find(|(setting, _)| setting.key == "voxel_m");
         let mode = self.own.mode.unwrap_or_default();
         let config = suggestions.method(method, mode, voxel.map(|(_, voxel_m)| *voxel_m));
-        self.laid_over(config)
+        self.apply_to(config)
     }
 
-    /// Settings as given, the others as they are there.
-    pub(super) fn laid_over(&self, mut config: MethodConfig) -> Result<MethodConfig, Failure> {
+    /// Lays the given settings over a configuration.
+    pub(super) fn apply_to(&self, mut config: MethodConfig) -> Result<MethodConfig, Failure> {
         if let Some(seed) = self.own.seed {
             config.set_seed(seed);
         }
         if self.gives("max_pair_distance_m") {
-            config.clear("first_pair_distance_m"); // none may be below that of the last pairs
+            config.clear("first_pair_distance_m"); // may not be below max_pair_distance_m
         }
         for (setting, value) in &self.given {
             config.set(setting.key, *value);
@@ -189,15 +189,15 @@ mod tests {
     }
 
     #[test]
-    fn every_setting_has_a_flag_by_today_s_name_and_its_former_one() {
+    fn every_setting_has_a_flag_by_its_current_and_its_former_name() {
         for setting in SETTINGS {
             for name in [Some(setting.key), setting.former].into_iter().flatten() {
                 let flags = read(&dashed(name), "7").unwrap();
                 assert!(matches!(flags.given[..], [(given, 7.0)] if given.key == setting.key));
                 for method in Method::ALL {
-                    let said = flags.check(method).map_err(|failure| failure.message);
-                    let is_strange = said.is_err_and(|said| said.contains("is no setting of"));
-                    assert_eq!(is_strange, setting.of(method).is_none());
+                    let checked = flags.check(method).map_err(|failure| failure.message);
+                    let is_refused = checked.is_err_and(|why| why.contains("is no setting of"));
+                    assert_eq!(is_refused, setting.of(method).is_none());
                 }
             }
             let fraction = read(&dashed(setting.key), "7.5");

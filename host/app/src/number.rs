@@ -12,13 +12,13 @@ pub(super) const fn flag(kind: Kind, bounds: Bounds) -> Parameter {
     Parameter { key: "", unit: "", kind, bounds, help: "" }
 }
 
-/// Threads. More are none of a processor's.
+/// Number of threads; no processor has more than the bound.
 pub(super) const THREADS: Parameter = flag(Kind::Whole, Bounds::between(0.0, 1024.0));
 
-/// As many as one likes.
+/// Any whole number from 0.
 pub(super) const ANY: Parameter = flag(Kind::Whole, Bounds::at_least(0.0));
 
-/// Reads a number that is as a key must be.
+/// Reads a number within a key's bounds.
 pub(super) fn number_as<T>(key: Parameter) -> impl TypedValueParser<Value = T>
 where
     T: FromStr + Value + Clone + Send + Sync + 'static,

@@ -12,8 +12,8 @@ use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::prepared::{Preparation, Prepared};
 use echoloop_sensors::sensor::Model;
 
-/// Opens the sensor that the flags name and checks the configuration's start against it.
-pub(super) fn meet(
+/// Connects to the sensor of the flags, and checks the configuration's start against it.
+pub(super) fn connect(
     config: RunConfig,
     choice: &SensorChoice,
     progress: &Progress,
@@ -22,13 +22,13 @@ pub(super) fn meet(
     Ok(Preparation::new(config, sensors, &|sensor| progress.say(&format!("sensor {sensor}")))?)
 }
 
-/// [`meet`], then traces the pairs.
+/// [`connect`], then traces the pairs.
 pub(super) fn prepare(
     config: RunConfig,
     choice: &SensorChoice,
     progress: &Progress,
 ) -> Result<Prepared, Failure> {
-    Ok(traced(meet(config, choice, progress)?, Preparation::traced, progress)?)
+    Ok(traced(connect(config, choice, progress)?, Preparation::traced, progress)?)
 }
 
 /// [`Preparation::traced`], or [`Preparation::traced_for_a_search`].
@@ -36,11 +36,11 @@ type Trace = fn(Preparation, &dyn Fn(f64, &str)) -> Result<Prepared, DatasetErro
 
 /// Traces pairs and prints facts about them.
 pub(super) fn traced(
-    met: Preparation,
+    preparation: Preparation,
     trace: Trace,
     progress: &Progress,
 ) -> Result<Prepared, DatasetError> {
-    let prepared = trace(met, &progress.scanning())?;
+    let prepared = trace(preparation, &progress.scanning())?;
     progress.say(&Facts::new(&prepared.dataset).to_string());
     Ok(prepared)
 }
@@ -56,11 +56,11 @@ pub(super) fn percent(text: &str) -> Result<f64, String> {
 }
 
 /// Fails with exit code 4 when the recall is below the one required, percent.
-pub(super) fn require_recall(asked_pct: Option<f64>, summary: &Summary) -> Result<(), Failure> {
-    match asked_pct {
-        Some(asked) if summary.recall_pct < asked => Err(Failure::new(
+pub(super) fn require_recall(required_pct: Option<f64>, summary: &Summary) -> Result<(), Failure> {
+    match required_pct {
+        Some(required) if summary.recall_pct < required => Err(Failure::new(
             4,
-            format!("recall {:.1} % is below the {asked} % asked", summary.recall_pct),
+            format!("recall {:.1} % is below the {required} % asked", summary.recall_pct),
         )),
         _ => Ok(()),
     }

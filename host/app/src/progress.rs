@@ -80,7 +80,7 @@ impl Observer for Progress {
     }
 
     fn generation(&self, generation: &Generation, of: u32) {
-        self.say(&told(generation, of));
+        self.say(&line(generation, of));
     }
 
     fn stage(&self, name: &str, registrations: usize) {
@@ -88,7 +88,7 @@ impl Observer for Progress {
     }
 }
 
-fn told(generation: &Generation, of: u32) -> String {
+fn line(generation: &Generation, of: u32) -> String {
     let fitness = || generation.candidates.iter().map(|c| c.fitness);
     let best = fitness().fold(f64::INFINITY, f64::min);
     // A front has neither a mean nor a step size.
@@ -108,7 +108,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_step_size_is_told_of_a_generation_that_has_one() {
+    fn a_step_size_is_printed_of_a_generation_that_has_one() {
         let search = Generation {
             generation: 8,
             stage: "joint".into(),
@@ -119,8 +119,8 @@ mod tests {
             candidates: Vec::new(),
         };
         let front = Generation { stage: "front".into(), mean: Vec::new(), ..search.clone() };
-        assert!(told(&search, 20).starts_with("generation  9/20  best"), "{}", told(&search, 20));
-        assert!(told(&search, 20).ends_with("  sigma 0.123"), "{}", told(&search, 20));
-        assert!(!told(&front, 20).contains("sigma"), "{}", told(&front, 20));
+        assert!(line(&search, 20).starts_with("generation  9/20  best"), "{}", line(&search, 20));
+        assert!(line(&search, 20).ends_with("  sigma 0.123"), "{}", line(&search, 20));
+        assert!(!line(&front, 20).contains("sigma"), "{}", line(&front, 20));
     }
 }

@@ -39,7 +39,7 @@ pub(crate) struct RateArgs {
 const ECHOES: echoloop_parameters::Parameter = flag(Kind::Whole, Bounds::between(0.0, 4.0));
 const SCANS: echoloop_parameters::Parameter = flag(Kind::Whole, Bounds::between(1.0, 10_000.0));
 
-/// Bounded so that a deadline in whole microseconds fits one word.
+/// Reads `--hz`, bounded so that the deadline in whole µs fits a `u32`.
 fn hz(text: &str) -> Result<f64, String> {
     read(&flag(Kind::Number, Bounds::between(0.001, 10_000.0)), text)
 }
@@ -55,7 +55,7 @@ struct Document<'a> {
     rate: &'a Rate,
     /// Times that a sensor measured.
     measured: Option<Times>,
-    /// True when it saw nothing in those scans, so that there were no echoes to report.
+    /// True when those scans were of an empty scene, without echoes to report.
     measured_in_the_dark: bool,
 }
 
@@ -86,12 +86,12 @@ pub(super) fn run(args: &RateArgs) -> Result<(), Failure> {
     }
 }
 
-/// Times of some scans by the sensor's own clock; a simulated one sees nothing.
+/// Times of `--scans` scans by the sensor's own clock; a simulated sensor sees an empty scene.
 fn measure(args: &RateArgs, config: &RunConfig) -> Result<Times, Failure> {
     let model = Model::from(config);
     let sensors = args.setup.sensor.sensors(model.clone())?;
     sensors.check(&sensors.identity()?, &model)?;
-    let nothing = Arc::new(SceneResponse::empty(model.pattern.beams()));
+    let empty = Arc::new(SceneResponse::empty(model.pattern.beams()));
     let deadline_us = (1e6 / args.hz).round() as u32; // `as` saturates
     let progress = Progress::new(args.setup.common.quiet);
     let times = sensors.with(|sensor| {
@@ -99,14 +99,14 @@ fn measure(args: &RateArgs, config: &RunConfig) -> Result<Times, Failure> {
         sensor.client.set_deadline(deadline_us)?;
         progress.begin("scans", args.scans.into());
         for scan in 1..=args.scans {
-            sensor.scan(&View { scene: &nothing, noise_seed: 0, scan, viewpoint: scan })?;
+            sensor.scan(&View { scene: &empty, noise_seed: 0, scan, viewpoint: scan })?;
             progress.at(scan.into());
         }
         progress.end();
         sensor.client.read_times()
     })?;
-    let is_whole = (times.deadline_us, times.scans) == (deadline_us, args.scans);
-    if times.clock && !is_whole {
+    let is_complete = (times.deadline_us, times.scans) == (deadline_us, args.scans);
+    if times.clock && !is_complete {
         let what = format!(
             "{} timed {} of {} scans: it started anew",
             sensors.name(),
@@ -119,7 +119,7 @@ fn measure(args: &RateArgs, config: &RunConfig) -> Result<Times, Failure> {
 }
 
 fn text(Document { rate, measured, measured_in_the_dark }: &Document<'_>) -> String {
-    let mut text = load(rate) + &table(rate);
+    let mut text = workload(rate) + &table(rate);
     let _ = writeln!(
         text,
         "\nlight, one shot after the other: {} scans/s",
@@ -137,8 +137,8 @@ fn text(Document { rate, measured, measured_in_the_dark }: &Document<'_>) -> Str
     text
 }
 
-/// Work of the processors.
-fn load(rate: &Rate) -> String {
+/// Line with the workload: beams, samples, taps, shots and echoes.
+fn workload(rate: &Rate) -> String {
     let Rate { beams, samples, taps, shots, echoes_a_beam, cycles_per_instruction, .. } = rate;
     let shots = if *shots == 1 { "1 shot".into() } else { format!("{shots} shots") };
     let echoes = match echoes_a_beam {
@@ -187,7 +187,7 @@ fn times_text(times: &Times, hz: f64, seen: &str) -> String {
     )
 }
 
-/// Three digits.
+/// At least three significant digits.
 fn rounded(value: f64) -> String {
     match value {
         v if v >= 100.0 => format!("{v:.0}"),

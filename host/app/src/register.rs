@@ -80,7 +80,7 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
     on_threads(args.common.threads, || register(args, &target, source, &initial, output.as_ref()))?
 }
 
-/// Takes method and settings from the run that was named.
+/// Takes method and settings from the run of `--run`.
 fn with_run(mut args: RegisterArgs) -> Result<RegisterArgs, Failure> {
     if let Some(run) = &args.run {
         let config = tuned_config(run)?;
@@ -137,12 +137,12 @@ fn register(
     let source = &recorded.cloud;
     let suggestions = Suggestions::new(target, source);
     let config = match args.tuned {
-        Some(tuned) => args.settings.laid_over(tuned)?,
+        Some(tuned) => args.settings.apply_to(tuned)?,
         None => args.settings.config(args.method, &suggestions)?,
     };
     let global_voxel_m = config.get("voxel_m").unwrap_or_default();
     let finish = args.refine.then(|| match args.tuned {
-        Some(_) => IcpConfig::refinement(global_voxel_m), // as it was judged
+        Some(_) => IcpConfig::refinement(global_voxel_m), // as in the run's evaluation
         None => suggestions.refinement(global_voxel_m),
     });
     let method = build(&config, finish).map_err(Failure::usage)?;
@@ -151,15 +151,15 @@ fn register(
     warn(args, &outcome);
     let cpu_s = cpu_s() - began;
     if outcome.stop == StopReason::BadSettings {
-        name_what_cannot_run(&[(&args.target, target), (&args.source, source)], global_voxel_m)?;
+        check_voxel(&[(&args.target, target), (&args.source, source)], global_voxel_m)?;
     }
     let found = outcome.stop.is_success();
-    let mut told = told(args, &config, &outcome, cpu_s)?;
+    let mut text = output_text(args, &config, &outcome, cpu_s)?;
     if let Some(output) = output.filter(|_| found) {
         write(args, recorded, &outcome.target_from_source, output)?;
-        told += &wrote(&args.common, &args.output);
+        text += &wrote(&args.common, &args.output);
     }
-    tell(output, &args.common, &told)?;
+    tell(output, &args.common, &text)?;
     let written = if output.is_some() { "; nothing is written" } else { "" };
     match found {
         true => Ok(()),
@@ -185,8 +185,8 @@ fn write(
     output.write(&source)
 }
 
-/// Refuses the cloud that the voxel does not go with: the settings themselves were checked.
-fn name_what_cannot_run(clouds: &[(&PathBuf, &Cloud)], voxel_m: f64) -> Result<(), Failure> {
+/// Refuses a cloud that cannot be downsampled with this voxel; the settings were checked before.
+fn check_voxel(clouds: &[(&PathBuf, &Cloud)], voxel_m: f64) -> Result<(), Failure> {
     for (path, cloud) in clouds {
         voxel::downsample(cloud, voxel_m)
             .map_err(|error| Failure::usage(format!("{}: {error}", path.display())))?;
@@ -212,8 +212,8 @@ fn cpu_s() -> f64 {
     cpu_time::ProcessTime::try_now().map_or(f64::NAN, |t| t.as_duration().as_secs_f64())
 }
 
-/// The output: a document, or lines.
-fn told(
+/// The text to print: JSON with `--json`, else lines.
+fn output_text(
     args: &RegisterArgs,
     config: &MethodConfig,
     outcome: &Outcome,
@@ -262,7 +262,7 @@ fn document(
         let value = config.get(setting.key).map(|value| written(setting.path, value));
         document[setting.key] = serde_json::json!(value);
         if let Some(former) = setting.former {
-            // For one version: readers of the former name.
+            // Kept for one version, for readers of the former name.
             document[former] = document[setting.key].clone();
         }
     }

@@ -95,21 +95,21 @@ enum Format {
 }
 
 impl ReproduceArgs {
-    /// Cells selected by the flags. The small table and switches have one range and one search.
+    /// Cells selected by the flags; with `--quick` or `--ablation`, of one range and one search.
     fn selection(&self) -> Selection {
         let mut selection = self.selection.clone();
-        let has_one = self.quick || !selection.ablation.is_empty();
-        if has_one && selection.ranges.is_empty() {
+        let is_narrow = self.quick || !selection.ablation.is_empty();
+        if is_narrow && selection.ranges.is_empty() {
             selection.ranges.push(Preset::Outdoor);
         }
-        if has_one && selection.strategy.is_empty() {
+        if is_narrow && selection.strategy.is_empty() {
             selection.strategy.push(Strategy::Fast);
         }
         selection
     }
 
-    /// Refuses a switch that changes nothing.
-    fn check_switches(&self) -> Result<(), Failure> {
+    /// Refuses an ablation that changes nothing.
+    fn check_ablation(&self) -> Result<(), Failure> {
         let Selection { ablation, ranges, .. } = &self.selection;
         let switch = ablation.iter().find(|switch| switch.sets("registration.preset"));
         match switch.filter(|_| ranges.contains(&Preset::Paper)) {
@@ -140,7 +140,7 @@ impl ReproduceArgs {
     /// Settings that all cells share.
     fn base(&self) -> Result<Base, Failure> {
         let quick = Base::quick().into_iter().filter(|_| self.quick);
-        let seed = self.seed.map(|seed| i64::try_from(seed).unwrap_or(i64::MAX)); // no more is read
+        let seed = self.seed.map(|seed| i64::try_from(seed).unwrap_or(i64::MAX)); // larger: refused
         let own = [
             ("seed", seed),
             ("data.test_pairs", self.pairs.map(i64::from)),
@@ -171,13 +171,13 @@ impl From<FolderError> for Failure {
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
     args.check_by_hand()?;
-    args.check_switches()?;
+    args.check_ablation()?;
     let (base, cells) = (args.base()?, args.selection().cells());
     let plan = Plan::new(&base.config().map_err(Failure::usage)?, args.quick);
     let real = args.real.as_deref().map(|list| real_pairs(args, list)).transpose()?;
     let output = args.output.as_deref().filter(|path| !is_standard_output(path));
     let output = output.map(Output::at).transpose()?;
-    args.figures.as_deref().map(check_place).transpose()?;
+    args.figures.as_deref().map(check_folder).transpose()?;
     let folder = match args.table {
         true => Folder::look(&args.folder())?,
         false => Folder::open(&args.folder(), plan)?,
@@ -191,25 +191,25 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
     };
     let mut table = Table::new(&folder, &with_plain(&folder, &cells))?;
     if let Some(pairs) = &real {
-        let judged = || on_real_clouds(args, &base, &folder, &cells, pairs);
+        let judged = || real_rows(args, &base, &folder, &cells, pairs);
         table.real = on_threads(args.common.threads, judged)??;
     }
     if ended.is_err() {
-        // Interrupted: the table so far, without figures, some of which take scans.
+        // Interrupted: saves the table so far, without figures, as some need new scans.
         folder.save_table(&table, &page(&table, Figures::default()).to_html())?;
         return ended;
     }
-    let (html, places) = written_pages(args, &folder, &table)?;
+    let (html, paths) = written_pages(args, &folder, &table)?;
     output.map(|output| output.write(html.as_bytes())).transpose()?;
     match args.output.as_deref() {
         Some(path) if is_standard_output(path) => print(&html)?,
-        _ => print_table(args, &table, &places)?,
+        _ => print_table(args, &table, &paths)?,
     }
     outcome(&table)
 }
 
-/// Draws the page and the figures, and writes them where the flags say: the page, empty where none
-/// is needed, and lines that name the files written.
+/// Draws the page and the figures, and writes them where the flags say. Returns the page's HTML,
+/// empty where none is needed, and lines that name the files written.
 fn written_pages(
     args: &ReproduceArgs,
     folder: &Folder,
@@ -218,7 +218,7 @@ fn written_pages(
     if args.table && args.output.is_none() && args.figures.is_none() {
         return Ok(Default::default());
     }
-    // The paper has no figure of a switch.
+    // The paper has no figure of an ablation.
     let drawn = || match args.selection.ablation.is_empty() {
         true => {
             let cells = Cells::read(folder, table);
@@ -238,23 +238,23 @@ fn written_pages(
     let left_out = drawn.left_out.clone();
     let page = page(table, drawn);
     let html = page.to_html();
-    let mut places = String::new();
+    let mut paths = String::new();
     if !args.table {
         let place = folder.save_table(table, &html)?;
-        places += &format!("\nreport   {}\n", place.display());
+        paths += &format!("\nreport   {}\n", place.display());
     }
     if let Some(at) = &args.figures {
         let figures = page.figures().map_err(Failure::run)?;
         write_figures(&figures, at)?;
-        places += &format!(
+        paths += &format!(
             "{}figures  {}, each .svg and .png, in {}\n",
-            if places.is_empty() { "\n" } else { "" },
+            if paths.is_empty() { "\n" } else { "" },
             figures.len(),
             at.display()
         );
-        left_out.iter().for_each(|why| places += &format!("{why}\n"));
+        left_out.iter().for_each(|why| paths += &format!("{why}\n"));
     }
-    Ok((html, places))
+    Ok((html, paths))
 }
 
 /// Refuses a folder that figures cannot be written to, before any work.
@@ -262,7 +262,7 @@ fn written_pages(
 /// # Errors
 ///
 /// A file in the way, or a folder that takes none.
-fn check_place(folder: &Path) -> Result<(), Failure> {
+fn check_folder(folder: &Path) -> Result<(), Failure> {
     let is_there = |path: &&Path| path.as_os_str().is_empty() || path.symlink_metadata().is_ok();
     let nearest = folder.ancestors().find(is_there).unwrap_or(Path::new(""));
     let nearest = if nearest.as_os_str().is_empty() { Path::new(".") } else { nearest };
@@ -294,7 +294,7 @@ fn real_pairs(args: &ReproduceArgs, list: &Path) -> Result<Vec<RealPair>, Failur
     read_real_pairs(list, folder).map_err(Failure::usage)
 }
 
-fn on_real_clouds(
+fn real_rows(
     args: &ReproduceArgs,
     base: &Base,
     folder: &Folder,
@@ -308,7 +308,7 @@ fn on_real_clouds(
     rows.map_err(Failure::usage)
 }
 
-/// The cells, and for those with a switch the same cells without it, where finished.
+/// The cells, then the finished cells without ablation that they are compared with.
 fn with_plain(folder: &Folder, cells: &[Cell]) -> Vec<Cell> {
     let mut all = cells.to_vec();
     for plain in cells.iter().filter(|cell| cell.ablation.is_some()).map(Cell::plain) {
@@ -319,18 +319,17 @@ fn with_plain(folder: &Folder, cells: &[Cell]) -> Vec<Cell> {
     all
 }
 
-fn print_table(args: &ReproduceArgs, table: &Table, places: &str) -> Result<(), Failure> {
+fn print_table(args: &ReproduceArgs, table: &Table, paths: &str) -> Result<(), Failure> {
     match args.format {
         _ if args.common.json => print(&exit::json(table)?),
         Format::Json => print(&exit::json(table)?),
         Format::Csv => print(&written::csv(table)?),
         Format::Latex => print(&latex::latex(table)),
-        Format::Text => print(&(written::text(table) + places)),
+        Format::Text => print(&(written::text(table) + paths)),
     }
 }
 
-/// Failure that counts the failed cells. The others are done; a next run tries those without a
-/// record again.
+/// Failure that counts the failed cells. The next run retries those without a record.
 fn outcome(table: &Table) -> Result<(), Failure> {
     let failed: Vec<String> = table.failed().map(|(cell, why)| format!("{cell}: {why}")).collect();
     match failed.as_slice() {

@@ -112,11 +112,11 @@ impl Outputs {
     }
 }
 
-/// A response in a line.
-pub(super) fn told(response: &Response, sample_ns: f64) -> String {
+/// A response as a line of text.
+pub(super) fn response_line(response: &Response, sample_ns: f64) -> String {
     let facts = facts(response, sample_ns);
-    let told: Vec<String> = facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
-    format!("response: {}", told.join("; "))
+    let texts: Vec<String> = facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
+    format!("response: {}", texts.join("; "))
 }
 
 fn facts(response: &Response, sample_ns: f64) -> Vec<(String, String)> {

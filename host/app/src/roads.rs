@@ -78,10 +78,10 @@ pub(super) fn run(args: &RoadsArgs) -> Result<(), Failure> {
         return exit::print(&exit::json(&document(&network))?);
     }
     let wrote = args.output.iter().map(|path| format!("wrote {}\n", path.display()));
-    exit::print(&(told(&network) + &wrote.collect::<String>()))
+    exit::print(&(lines(&network) + &wrote.collect::<String>()))
 }
 
-/// The roads of a town or a file; of a drawn town with their text.
+/// Roads of a town or a file; for a drawn town, also their OpenDRIVE text.
 fn network(source: &str) -> Result<(RoadNetwork, Option<String>), Failure> {
     let found = Source::of(source);
     let drawn = match &found {
@@ -110,7 +110,7 @@ fn counted(network: &RoadNetwork) -> Vec<(&'static str, usize)> {
     named.into_iter().filter(|(_, n)| *n > 0).collect()
 }
 
-fn told(network: &RoadNetwork) -> String {
+fn lines(network: &RoadNetwork) -> String {
     let (low, high) = network.bounds();
     let mut text = format!(
         "{}: {} roads of {:.2} km, {:.0} m × {:.0} m\n",

@@ -73,15 +73,15 @@ pub(super) fn run(args: &ScanArgs) -> Result<(), Failure> {
         return on_threads(args.setup.common.threads, run)?;
     }
     let at = |path: &PathBuf| CloudOutput::at(path, args.format);
-    let output = args.output.as_ref().map(at).transpose()?; // now: tracing takes long
+    let output = args.output.as_ref().map(at).transpose()?; // before the long tracing
     on_threads(args.setup.common.threads, || scan(args, &config, output.as_ref()))?
 }
 
-/// A scan, and the place it was made from.
+/// A scan, and the view that it was made from.
 struct Scan {
     /// Name and firmware of the sensor.
     sensor: String,
-    /// The scene and the sensor's pose in it; unknown of a sensor that somebody else points.
+    /// The scene and the sensor's pose in it; none for a real sensor on a serial line.
     seen: Option<Seen>,
     settings: u32,
     beams: u32,
@@ -119,14 +119,14 @@ fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&CloudOutput>) -> Re
     }
     let beams = beams.pattern().beams();
     let scan = Scan { sensor: name, seen, settings: hash, beams, recorded };
-    tell(output, &args.setup.common, &told(args, &scan)?)
+    tell(output, &args.setup.common, &output_text(args, &scan)?)
 }
 
 /// The first recorded scan of the training pairs, and its beams.
 fn recorded(args: &ScanArgs, config: &RunConfig) -> Result<(Option<Seen>, Beams), Failure> {
     if args.pose.is_some() || args.setup.sensor.is_turned_by_others() {
-        let said = "recorded scans are seen from where they were made, by a sensor of ours alone";
-        return Err(Failure::usage(format!("--scene: {said}")));
+        let why = "recorded scans are seen from where they were made, by a sensor of ours alone";
+        return Err(Failure::usage(format!("--scene: {why}")));
     }
     let dataset = Dataset::build(config, &|_, _| {})?;
     let seen = dataset.train.first().map(|pair| Seen {
@@ -137,7 +137,7 @@ fn recorded(args: &ScanArgs, config: &RunConfig) -> Result<(Option<Seen>, Beams)
     Ok((seen, dataset.beams))
 }
 
-/// The view that the sensor is given; none of a sensor that somebody else points.
+/// The view that the sensor is given; none for a real sensor on a serial line.
 fn seen(args: &ScanArgs, config: &RunConfig, beams: &Beams) -> Result<Option<Seen>, Failure> {
     if args.setup.sensor.is_turned_by_others() {
         return match args.pose {
@@ -172,7 +172,7 @@ fn pose(numbers: &[f64]) -> Result<Pose, Failure> {
     Ok(Pose::from_parts(Translation3::new(x, y, z), rotation))
 }
 
-/// The viewpoint of a first pair; where no pair fits, a place for one sensor.
+/// Viewpoint of the first pair, or a single viewpoint where no pair fits.
 fn first_viewpoint(
     config: &RunConfig,
     place: &Place,
@@ -189,8 +189,8 @@ fn first_viewpoint(
     Ok(found?.0)
 }
 
-/// The output: a document, or lines.
-fn told(args: &ScanArgs, scan: &Scan) -> Result<String, Failure> {
+/// The text to print: JSON with `--json`, else lines.
+fn output_text(args: &ScanArgs, scan: &Scan) -> Result<String, Failure> {
     let points = &scan.recorded.cloud.points;
     let ranges: Vec<f64> = points.iter().map(|p| f64::from(p.coords.norm())).collect();
     let median_m = echoloop_statistics::median(ranges.iter().copied());

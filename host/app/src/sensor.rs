@@ -33,7 +33,7 @@ pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
     let identity = sensors.identity()?;
     let (settings, counters) = sensors.with(|sensor| {
         let own = sensor.client.read_settings()?;
-        let settings = asked(&args.setup.source, &config, own);
+        let settings = wanted(&args.setup.source, &config, own);
         if settings != own {
             sensor.configure(&settings)?;
         }
@@ -49,13 +49,13 @@ pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
         return print_json(args, (&name, &identity), &settings, &counters);
     }
     print_text(&name, &identity, &settings, &counters);
-    print!("{}", args.told(&settings));
+    print!("{}", args.outcome(&settings));
     Ok(())
 }
 
 impl SensorArgs {
     /// Result of --save or --forget, in a line.
-    fn told(&self, settings: &Settings) -> String {
+    fn outcome(&self, settings: &Settings) -> String {
         match (self.save, self.forget) {
             (true, _) => {
                 format!("\nsaved {:#010x}: {}\n", settings_hash(settings), settings_text(settings))
@@ -110,8 +110,8 @@ fn print_text(name: &str, identity: &Identity, settings: &Settings, counters: &C
     println!("\n{}", counters_text(counters));
 }
 
-/// The sensor's own settings with those asked for laid over.
-fn asked(source: &ConfigSource, config: &RunConfig, own: Settings) -> Settings {
+/// The sensor's own settings, with those of the flags or the file laid over.
+fn wanted(source: &ConfigSource, config: &RunConfig, own: Settings) -> Settings {
     if source.config.is_some() || source.run.is_some() {
         return config.lidar.0;
     }

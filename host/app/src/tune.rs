@@ -12,7 +12,7 @@ use super::exit::{self, Failure, print};
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::{MethodChoice, toml_name};
 use super::number::{flag, number_of, read};
-use super::prepared::{meet, percent, require_recall, traced};
+use super::prepared::{connect, percent, require_recall, traced};
 use super::progress::Progress;
 use super::report::write_page;
 use echoloop_closed_loop::config::preset::{LidarPreset, Objective, Preset, Protocol, Strategy};
@@ -110,8 +110,8 @@ pub(crate) struct TuneArgs {
 fn times(text: &str) -> Result<f64, String> {
     let times =
         key("tune.at_most_error").copied().unwrap_or(flag(Kind::Number, Bounds::at_least(1.0)));
-    let said = |problem| format!("{problem} times, as 1.2x");
-    read(&times, text.strip_suffix('x').unwrap_or(text)).map_err(said)
+    let with_unit = |problem| format!("{problem} times, as 1.2x");
+    read(&times, text.strip_suffix('x').unwrap_or(text)).map_err(with_unit)
 }
 
 impl TuneArgs {
@@ -120,10 +120,10 @@ impl TuneArgs {
             let config = load(Some(&run.join(CONFIG)), &[])?;
             return self.extended(config);
         }
-        let mut own = self.method.overrides();
-        own.extend(self.axes.overrides()?);
+        let mut overrides = self.method.overrides();
+        overrides.extend(self.axes.overrides()?);
         let mut flag = |path: &str, value: Option<toml::Value>| {
-            own.extend(value.map(|v| Override::flag(path, v)))
+            overrides.extend(value.map(|v| Override::flag(path, v)))
         };
         flag("tune.strategy", self.strategy.map(toml_name));
         flag("tune.objective", self.objective.map(toml_name));
@@ -138,7 +138,7 @@ impl TuneArgs {
         flag("tune.warm_starts", (!warm_starts.is_empty()).then(|| warm_starts.into()));
         flag("front.cost", self.pareto.map(toml_name));
         flag("front.points", self.points.map(|n| i64::from(n).into()));
-        let config = self.setup.source.load(own)?;
+        let config = self.setup.source.load(overrides)?;
         match self.at_most_error {
             Some(times) if config.tune.minimise.is_none() => Err(Failure::usage(format!(
                 "--at-most-error {times}: expected with it what is to be made small, as \
@@ -160,17 +160,17 @@ impl TuneArgs {
         self.warm_start.iter().map(table).collect()
     }
 
-    /// The run's configuration, with more generations where they are asked for.
+    /// The run's configuration, extended to `--generations` if that is given.
     fn extended(&self, mut config: RunConfig) -> Result<RunConfig, Failure> {
-        let Some(asked) = self.generations else { return Ok(config) };
-        let had = config.tune.last_generations();
-        if asked < had {
+        let Some(new) = self.generations else { return Ok(config) };
+        let old = config.tune.last_generations();
+        if new < old {
             return Err(Failure::usage(format!(
-                "--generations {asked}: the run is to have {had} already; more can be asked for"
+                "--generations {new}: the run is to have {old} already; more can be asked for"
             )));
         }
-        if asked > config.tune.generations {
-            config.tune.extended_to = Some(asked);
+        if new > config.tune.generations {
+            config.tune.extended_to = Some(new);
         }
         config.check().map_err(Failure::usage)?;
         Ok(config)
@@ -191,8 +191,8 @@ fn tune(
     stop: &AtomicBool,
 ) -> Result<(), Failure> {
     // Looked up once: a journal that is removed while the scenes are traced is an error later.
-    let begun = resumed.as_ref().map(|folder| folder.file(HISTORY)).filter(|path| path.exists());
-    if let Some(journal) = &begun {
+    let history = resumed.as_ref().map(|folder| folder.file(HISTORY)).filter(|path| path.exists());
+    if let Some(journal) = &history {
         Journal::check(journal, args.repair)?;
     }
     let about = resumed.as_ref().map(|folder| About::read(folder.path())).transpose()?;
@@ -201,16 +201,16 @@ fn tune(
     if resumed.is_none() {
         RunFolder::check(&runs)?;
     }
-    // A run that cannot begin leaves no folder, and `latest` where it was.
-    let met = meet(config, &args.setup.sensor, &progress)?.for_a_search()?;
-    let prepared = traced(met, Preparation::traced_for_a_search, &progress)?;
+    // A run that cannot begin creates no folder and does not move `latest`.
+    let preparation = connect(config, &args.setup.sensor, &progress)?.for_a_search()?;
+    let prepared = traced(preparation, Preparation::traced_for_a_search, &progress)?;
     let folder = resumed.map_or_else(|| new_folder(&runs, &prepared.config), Ok)?;
     let search = prepared.search(stop);
-    let (mut journal, done) = match &begun {
+    let (mut journal, done) = match &history {
         Some(path) => Journal::resume(path, &search.header(), args.repair)?,
         None => (Journal::create(&folder.file(HISTORY), &search.header())?, Vec::new()),
     };
-    if begun.is_some() && args.generations.is_some() {
+    if history.is_some() && args.generations.is_some() {
         extend(&folder, &prepared.config)?;
     }
     about.unwrap_or_default().record(&folder)?;
@@ -237,8 +237,8 @@ fn tune(
     finish(args, &folder, &prepared, &result)
 }
 
-/// Records in the folder that its run has more generations. The front's search begins anew, for it
-/// begins at the tuned parameters, which will be others.
+/// Records the extension in the run folder. The front is searched anew, as its start, the tuned
+/// parameters, will change.
 fn extend(folder: &RunFolder, config: &RunConfig) -> Result<(), Failure> {
     let was = load(Some(&folder.file(CONFIG)), &[])?;
     if was.tune.extended_to != config.tune.extended_to {
@@ -256,7 +256,7 @@ fn new_folder(runs: &Path, config: &RunConfig) -> Result<RunFolder, FileError> {
     Ok(folder)
 }
 
-/// Prints the result and where it is.
+/// Prints the result and the paths of its files.
 fn finish(
     args: &TuneArgs,
     folder: &RunFolder,

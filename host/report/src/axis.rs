@@ -18,7 +18,7 @@ const LOG_RATIO: f64 = 20.0;
 const FEW_DECADES: f64 = 200.0;
 
 /// Greatest end of a logarithmic axis, and one over its least: values beyond are drawn at the edge.
-const MOST: f64 = 1e100;
+const MAX: f64 = 1e100;
 
 /// A linear or logarithmic axis.
 #[derive(Clone, Debug)]
@@ -36,7 +36,7 @@ impl Axis {
         // plotters multiplies by ten until it passes the end of a logarithmic axis: near the
         // largest number it would loop for ever.
         let (low, high) = match log && low > 0.0 {
-            true => (low.clamp(1.0 / MOST, MOST / 10.0), high.clamp(10.0 / MOST, MOST)),
+            true => (low.clamp(1.0 / MAX, MAX / 10.0), high.clamp(10.0 / MAX, MAX)),
             false => (low, high),
         };
         let (low, high) = match (high - low).is_finite() {

@@ -102,7 +102,7 @@ impl ChosenRange {
         }
     }
 
-    /// The ends of the range, then round numbers between them; of a choice its names.
+    /// The ends of the range, then round numbers between them; for a choice, its names.
     fn labels(&self, ruler: &Ruler) -> Vec<(f64, String)> {
         let AxisRecord { name, min, max, .. } = &self.axis;
         let ends = [min, max].map(|&end| (end, significant(end)));

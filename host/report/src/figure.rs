@@ -1,4 +1,4 @@
-//! Charts that stand alone: each chart of a page as SVG with its own colours, and as PNG.
+//! Standalone charts: each chart of a page as SVG with its own colours, and as PNG.
 //!
 //! Charts are cut out of the page, so that none is missing and none differs. On a page a chart has
 //! classes, and its colours come from the style sheet; here the rules of those classes go with it,
@@ -29,7 +29,7 @@ pub struct Figure {
     pub png: Vec<u8>,
 }
 
-/// Pixels of the PNG for one of the drawing at its natural size.
+/// Pixels of the PNG per pixel of the drawing at natural size.
 const PNG_SCALE: f32 = 2.0;
 
 const STYLE: &str = include_str!("report.css");
@@ -128,7 +128,7 @@ static RULES: LazyLock<String> = LazyLock::new(|| {
     let plain = without_comments(&plain.collect::<String>());
     let rules = plain.split('}').filter_map(|rule| {
         let (selectors, body) = rule.split_once('{')?;
-        let (selectors, body) = (of_drawings(selectors), body_alone(body));
+        let (selectors, body) = (of_drawings(selectors), standalone_body(body));
         (!selectors.is_empty() && !body.is_empty()).then(|| format!("{selectors}{{{body}}}"))
     });
     // Invisible areas keep the hints under the pointer.
@@ -159,8 +159,8 @@ fn of_drawings(selectors: &str) -> String {
     selectors.split(',').map(str::trim).filter(is_ours).collect::<Vec<_>>().join(",")
 }
 
-/// Declarations with values for variables, and lengths in the drawing's units.
-fn body_alone(body: &str) -> String {
+/// Declarations with variables replaced by values, and lengths in drawing units.
+fn standalone_body(body: &str) -> String {
     let declarations = body.split(';').filter_map(|d| d.trim().split_once(": "));
     let alone = declarations.filter_map(|(name, value)| match name {
         "vector-effect" | "font-variant-numeric" | "display" => None,
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chart_that_stands_alone_is_ink_on_paper() {
+    fn a_standalone_chart_is_mostly_background() {
         let figures = crate::tests::report("start").figures().expect("drawn");
         assert_eq!(figures.len(), 3);
         for Figure { name, svg, png } in figures {

@@ -54,7 +54,7 @@ pub fn fixed(value: f64, decimals: usize) -> String {
     }
 }
 
-/// As [`fixed`], with a sign also when positive.
+/// A number as by [`fixed`], with a sign also when positive.
 pub(super) fn signed(value: f64, decimals: usize) -> String {
     let text = fixed(value, decimals);
     let is_zero = text.chars().all(|c| c == '0' || c == '.');

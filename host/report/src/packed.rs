@@ -1,8 +1,8 @@
-//! Triangles of a scene in few bytes, for its page.
+//! Compressed triangles of a scene, for its page.
 //!
 //! ```text
 //! corner   code = round((p − low) / (high − low) · 65535), of each coordinate
-//! order    triangles by material, corners as triangles first name them, equal ones once
+//! order    triangles by material, distinct corners by their first use
 //! x, y, z  zigzag(code − the corner's before), all low bytes, then all high bytes
 //! index    corners so far − index, 0 being a new one; 7 bits a byte, the lowest first (LEB128)
 //! all      zlib (RFC 1950), which every browser inflates
@@ -21,9 +21,9 @@ use flate2::write::ZlibEncoder;
 
 /// Greatest number of triangles on a page: some 25 MB of text, within reach of a small graphics
 /// card.
-pub(super) const MOST_TRIANGLES: usize = 4_000_000;
+pub(super) const MAX_TRIANGLES: usize = 4_000_000;
 
-/// Steps of a coordinate along its side of the box: 16 bits.
+/// Quantization steps along each side of the box: 16 bits.
 pub(super) const STEPS: f64 = 65_535.0;
 
 /// A packed mesh.
@@ -37,7 +37,7 @@ pub(super) struct Packed {
     pub(super) vertices: usize,
     /// Index of each material and its number of triangles, in the order of the triangles.
     pub(super) groups: Vec<(u8, usize)>,
-    /// Number of triangles left out because corners fell together at these steps.
+    /// Number of triangles left out because two of their corners have the same code.
     pub(super) collapsed: usize,
     /// Number of triangles left out as the smallest of too many.
     pub(super) smallest: usize,
@@ -60,7 +60,7 @@ impl Packed {
             .filter(|(_, [a, b, c])| a != b && b != c && c != a)
             .collect();
         drawn.sort_by_key(|(material, _)| *material); // stable: neighbours stay beside each other
-        let (corners, indices) = shared(drawn.iter().flat_map(|(_, corners)| *corners));
+        let (corners, indices) = indexed(drawn.iter().flat_map(|(_, corners)| *corners));
         Self {
             low,
             extent,
@@ -86,7 +86,7 @@ pub(super) fn code(vertex: &[f32; 3], low: &[f64; 3], extent: &[f64; 3]) -> [u16
     })
 }
 
-/// Indices of the largest triangles, rising; ties go to the earlier one.
+/// Indices of the largest triangles, ascending; ties go to the earlier one.
 fn largest(mesh: &Mesh, most: usize) -> Vec<usize> {
     let mut kept: Vec<usize> = (0..mesh.triangles.len()).collect();
     if kept.len() > most {
@@ -98,7 +98,7 @@ fn largest(mesh: &Mesh, most: usize) -> Vec<usize> {
 }
 
 /// Distinct corners in the order of their first use, and the bytes of the indices into them.
-fn shared(corners: impl Iterator<Item = [u16; 3]>) -> (Vec<[u16; 3]>, Vec<u8>) {
+fn indexed(corners: impl Iterator<Item = [u16; 3]>) -> (Vec<[u16; 3]>, Vec<u8>) {
     let (mut seen, mut unique, mut bytes) = (HashMap::new(), Vec::new(), Vec::new());
     for corner in corners {
         let next = unique.len();
@@ -179,7 +179,7 @@ mod tests {
     #[test]
     fn a_packed_scene_unpacks_within_half_a_step_with_the_material_of_every_triangle() {
         let mesh = generate(SceneKind::Structured, 4).mesh;
-        let packed = Packed::new(&mesh, MOST_TRIANGLES);
+        let packed = Packed::new(&mesh, MAX_TRIANGLES);
         let (corners, indices) = unpacked(&packed);
         let materials: Vec<u8> =
             packed.groups.iter().flat_map(|&(m, count)| vec![m; count]).collect();
@@ -187,7 +187,7 @@ mod tests {
         assert_eq!(materials.len() + packed.collapsed, mesh.triangles.len());
         let (step, half) = (packed.step_m(), 0.5 + 1e-3);
         let mut drawn = indices.chunks(3).zip(&materials);
-        // In the packed order: by material, in each as the mesh has them.
+        // In the packed order: by material, then in the mesh's order.
         let mut order: Vec<usize> = (0..mesh.triangles.len()).collect();
         order.sort_by_key(|&t| mesh.materials[t]);
         let mut collapsed = 0;
@@ -203,8 +203,8 @@ mod tests {
             for (p, &i) in wanted.iter().zip(indices) {
                 for k in 0..3 {
                     let back = packed.low[k] + f64::from(corners[i][k]) * step[k];
-                    let off = (back - f64::from(p[k])).abs();
-                    assert!(off <= half * step[k], "{off} m of {} m", step[k]);
+                    let error = (back - f64::from(p[k])).abs();
+                    assert!(error <= half * step[k], "{error} m of {} m", step[k]);
                 }
             }
         }
@@ -216,7 +216,7 @@ mod tests {
     fn a_scene_takes_less_than_six_bytes_a_triangle() {
         for kind in SceneKind::ALL {
             let mesh = generate(kind, 1).mesh;
-            let packed = Packed::new(&mesh, MOST_TRIANGLES);
+            let packed = Packed::new(&mesh, MAX_TRIANGLES);
             let each = packed.bytes.len() as f64 / mesh.triangles.len() as f64;
             eprintln!("{kind}: {} bytes, {each:.2} a triangle", packed.bytes.len());
             assert!(each < 6.0, "{kind}: {each} bytes a triangle");

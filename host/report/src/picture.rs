@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use echoloop_sim::picture::Picture;
 
 /// Greatest number of colours of a palette.
-const MOST_COLOURS: usize = 256;
+const MAX_COLOURS: usize = 256;
 
 /// Bits of each channel that count while a palette is chosen.
 const BITS: u32 = 6;
@@ -63,7 +63,7 @@ fn coarse(pixel: &[u8; 3]) -> [u8; 3] {
 /// are enough boxes.
 fn palette(picture: &Picture) -> Palette {
     let mut boxes = vec![shades(picture)];
-    while boxes.len() < MOST_COLOURS {
+    while boxes.len() < MAX_COLOURS {
         let worst = (0..boxes.len()).max_by_key(|&at| (spread(&boxes[at]).0, usize::MAX - at));
         let Some(at) = worst.filter(|&at| spread(&boxes[at]).0 > 0) else { break };
         let (first, second) = halves(std::mem::take(&mut boxes[at]));

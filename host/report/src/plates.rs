@@ -87,8 +87,8 @@ impl Plate {
         let panels: Vec<String> = self.panels.iter().map(Panel::svg).collect();
         let boxes = panels.iter().map(|panel| box_of(panel)).collect::<Option<Vec<_>>>();
         let boxes = boxes.ok_or_else(|| format!("a panel of {name} has no box"))?;
-        let widths = most(boxes.iter().enumerate().map(|(k, sides)| (k % columns, sides[2])));
-        let heights = most(boxes.iter().enumerate().map(|(k, sides)| (k / columns, sides[3])));
+        let widths = greatest(boxes.iter().enumerate().map(|(k, sides)| (k % columns, sides[2])));
+        let heights = greatest(boxes.iter().enumerate().map(|(k, sides)| (k / columns, sides[3])));
         let before = |sides: &[f64], k: usize| sides[..k].iter().sum::<f64>();
         let mut drawn = own_text([EDGE + 4.0, 20.0], "own-title", title);
         for (k, (panel, [left, top, wide, high])) in panels.iter().zip(&boxes).enumerate() {
@@ -149,11 +149,11 @@ impl Panel {
 }
 
 /// Greatest side of each index.
-fn most(sides: impl Iterator<Item = (usize, f64)>) -> Vec<f64> {
-    let mut most = Vec::new();
+fn greatest(sides: impl Iterator<Item = (usize, f64)>) -> Vec<f64> {
+    let mut greatest = Vec::new();
     for (k, side) in sides {
-        most.resize(most.len().max(k + 1), 0.0);
-        most[k] = f64::max(most[k], side);
+        greatest.resize(greatest.len().max(k + 1), 0.0);
+        greatest[k] = f64::max(greatest[k], side);
     }
-    most
+    greatest
 }

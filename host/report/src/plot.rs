@@ -12,14 +12,14 @@ use super::axis::Axis;
 use super::format::escape;
 use super::theme::{ink, themed};
 
-/// Units of plotters, which places on whole ones, in a pixel at the natural size.
+/// Drawing units per pixel at natural size: plotters takes whole units only.
 pub(super) const FINE: f64 = 10.0;
 
 /// A point on the drawing, y down.
 pub(super) type Px = [f64; 2];
 pub(super) type Drawn = Result<(), DrawingAreaErrorKind<io::Error>>;
 
-/// Pixels in whole units of plotters.
+/// Pixels as whole drawing units.
 pub(super) fn fine(pixels: f64) -> i32 {
     (pixels * FINE).round() as i32
 }
@@ -36,7 +36,7 @@ pub(super) const ABOVE: Anchor = (HPos::Center, VPos::Bottom);
 pub(super) const BELOW: Anchor = (HPos::Center, VPos::Top);
 pub(super) const MIDDLE: Anchor = (HPos::Center, VPos::Center);
 
-/// A drawing in the making.
+/// A drawing under construction.
 pub(super) struct Canvas<'a> {
     pub(super) area: DrawingArea<SVGBackend<'a>, Shift>,
     /// SVG that lies on top.
@@ -48,7 +48,7 @@ impl Canvas<'_> {
         self.area.draw(&PathElement::new(ends.map(at), ink(class)))
     }
 
-    /// A level line from `left` to `right` with a stroke across either end, `half` up and down.
+    /// A horizontal line between `ends`, with a stroke of `half` up and down at each end.
     pub(super) fn whisker(&self, class: &str, ends: [f64; 2], y: f64, half: f64) -> Drawn {
         self.line(class, ends.map(|x| [x, y]))?;
         ends.into_iter().try_for_each(|x| self.line(class, [[x, y - half], [x, y + half]]))
@@ -66,7 +66,7 @@ impl Canvas<'_> {
         self.area.draw_text(words, &style(class, anchor), at(place))
     }
 
-    /// Shows `words` under the pointer in an area.
+    /// Adds a tooltip to an area.
     pub(super) fn hint(&mut self, corners: [Px; 2], words: &str) {
         self.top += &hint(corners.map(at), words);
     }
@@ -163,7 +163,7 @@ pub(super) fn style(class: &str, (h, v): Anchor) -> TextStyle<'static> {
     }
 }
 
-/// An area that shows `hint` under the pointer.
+/// An area with a tooltip.
 fn hint([(left, top), (right, bottom)]: [(i32, i32); 2], hint: &str) -> String {
     let (width, height) = (right - left, bottom - top);
     let area = format!("x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height}\"");
@@ -176,9 +176,9 @@ pub(super) struct Frame<'a> {
     pub(super) size: Px,
     /// Text for a screen reader.
     pub(super) label: &'a str,
-    /// Title above the left axis; empty: no room for it.
+    /// Title above the left axis; an empty one takes no room.
     pub(super) y_title: &'a str,
-    /// Title under the bottom axis; empty: no room for it.
+    /// Title under the bottom axis; an empty one takes no room.
     pub(super) x_title: &'a str,
 }
 
@@ -281,7 +281,7 @@ impl<'b> Chart<'_, 'b> {
         self.draw(value.is_finite().then(|| PathElement::new(ends, ink(class))))
     }
 
-    /// A text in the middle.
+    /// A text in the middle of the plot.
     pub(super) fn note(&mut self, words: &str) -> Drawn {
         let (x, y) = self.chart.plotting_area().get_base_pixel();
         let (width, height) = self.chart.plotting_area().dim_in_pixel();
@@ -291,7 +291,7 @@ impl<'b> Chart<'_, 'b> {
         Ok(())
     }
 
-    /// Shows `text` under the pointer between `left` and `right`.
+    /// Adds a tooltip between `left` and `right`.
     pub(super) fn hint(&mut self, left: f64, right: f64, text: &str) {
         let corners = [(left, f64::INFINITY), (right, f64::NEG_INFINITY)]
             .map(|c| self.chart.backend_coord(&c));

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::format::{base64, escape, fixed, grouped, significant};
-use super::packed::{MOST_TRIANGLES, Packed};
+use super::packed::{MAX_TRIANGLES, Packed};
 use super::page::{document_with, facts, header, notes_section, subtitle};
 use super::picture::picture_png;
 use super::survey::{STILL_PX, SceneReport};
@@ -21,14 +21,14 @@ const VIEWER: &str = include_str!("scene.js");
 const SUN: [f64; 3] = [-0.48, -0.36, 0.80];
 
 impl SceneReport<'_> {
-    /// Page in three dimensions. It refers to nothing outside itself, and the same data gives the
-    /// same bytes. It holds the four million largest triangles at most, and says so.
+    /// Self-contained page with a 3D view; the same data gives the same bytes. It holds the four
+    /// million largest triangles at most, and says so.
     ///
     /// # Errors
     ///
     /// Errors of [`picture_png`](crate::picture_png).
     pub fn page(&self) -> Result<String, String> {
-        let packed = Packed::new(&self.scene().mesh, MOST_TRIANGLES);
+        let packed = Packed::new(&self.scene().mesh, MAX_TRIANGLES);
         let still = picture_png(&self.still(STILL_PX), &[])?;
         let title = &self.scene().name;
         let below = subtitle("A scene, and the pairs of places from which it is scanned.")
@@ -93,7 +93,7 @@ impl SceneReport<'_> {
             format!("; {} m from the nearest {other} viewpoint", fixed(apart_m, 1))
         });
         let [first, second] = pair.viewpoints;
-        let told = format!(
+        let description = format!(
             "viewpoints {first} and {second}, {} m apart, turned by {}°, overlap {:.2}{nearest}.",
             fixed(pair.baseline_m(), 2),
             fixed(pair.turn_deg(), 1),
@@ -101,7 +101,7 @@ impl SceneReport<'_> {
         );
         let poses = pair.world_from_sensor.each_ref();
         json!({
-            "set": u8::from(is_held_out), "name": name_of(pair), "told": told,
+            "set": u8::from(is_held_out), "name": name_of(pair), "told": description,
             "at": poses.map(|pose| rounded(pose.translation.vector.into(), 3)),
             "ahead": poses.map(|pose| rounded((pose.rotation * Vector3::x()).into(), 4)),
         })
@@ -175,7 +175,7 @@ impl SceneReport<'_> {
             notes.push(format!("{count} triangles are too small for these steps: left out here."));
         }
         if packed.smallest > 0 {
-            let (count, most) = (grouped(packed.smallest), grouped(MOST_TRIANGLES));
+            let (count, most) = (grouped(packed.smallest), grouped(MAX_TRIANGLES));
             notes.push(format!(
                 "A page has {most} triangles at most: the {count} smallest are left out here."
             ));

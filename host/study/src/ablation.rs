@@ -1,4 +1,4 @@
-//! Ablations: one thing switched in each, the rows of the second table. `switches.toml` lists them.
+//! Ablations, the rows of the second table: each changes one thing. `switches.toml` lists them.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::axes::{Scene, name_of};
 use echoloop_closed_loop::config::{Override, RunConfig};
 
-/// The one thing that is switched in a cell: an entry of the list, by its index.
+/// An ablation: the index of its switch in the list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Ablation(usize);
@@ -44,7 +44,7 @@ fn unchanged() -> f64 {
     1.0
 }
 
-/// The list; a test reads it, so it is never empty.
+/// The list; a test checks that it can be read.
 static LIST: LazyLock<Vec<Switch>> = LazyLock::new(|| {
     let list: Result<List, _> = toml::from_str(include_str!("switches.toml"));
     list.map(|list| list.switch).unwrap_or_default()
@@ -91,9 +91,9 @@ impl Ablation {
             TrainedIn::OtherTown => {
                 // Beyond the greatest number, so that no town is one of the held-out pairs.
                 let greatest = config.scene.towns.iter().max().copied().unwrap_or_default();
-                let further = OTHER_TOWN * (greatest / OTHER_TOWN + 1);
+                let offset = OTHER_TOWN * (greatest / OTHER_TOWN + 1);
                 let towns = other.scene.towns.iter_mut();
-                towns.for_each(|town| *town = town.saturating_add(further));
+                towns.for_each(|town| *town = town.saturating_add(offset));
             }
             TrainedIn::OtherKind => other.scene.source = name_of(scene.next()),
         }
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn other_towns_are_as_many_and_none_that_is_judged_in() {
+    fn other_towns_are_as_many_and_none_is_evaluated() {
         for (towns, expected) in
             [(vec![1, 2, 3], vec![101, 102, 103]), (vec![1, 101], vec![201, 301])]
         {
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_switch_changes_what_it_is_named_for_and_nothing_else() {
+    fn a_switch_changes_its_own_settings_alone() {
         let motion = ["motion.angular_deg_s", "motion.duration_s", "motion.linear_m_s"];
         let rain = ["weather.kind", "weather.rate_mm_h"];
         let expected: [(&str, &[&str]); 12] = [

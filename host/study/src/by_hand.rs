@@ -1,10 +1,10 @@
 //! Settings tuned by hand: the three cases of the paper's Fig. 1.
 //!
-//! The paper names what is high, low, small and large in each case (Sec. 1), and gives no value.
-//! These are our values, fixed before any was evaluated. High power is the most that the pulse's
-//! energy limit allows, low power the least of the paper's range; small and large lie near the ends
-//! of registration's ranges. Everything else stays at the default. Our detector has a threshold on
-//! σ beside the noise floor, so a dense cloud needs both to be low.
+//! For each case the paper says which settings are high, low, small or large (Sec. 1), without
+//! values. These are our values, fixed before any was evaluated. High power is the most that the
+//! pulse's energy limit allows, low power the least of the paper's range; small and large lie near
+//! the ends of registration's ranges. Everything else stays at the default. Our detector has a
+//! threshold on σ beside the noise floor, so a dense cloud needs both to be low.
 
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
@@ -35,7 +35,7 @@ struct Case {
     max_pair_distance_m: [f64; 2],
 }
 
-/// In the paper's order.
+/// The cases, in the paper's order.
 const CASES: [Case; 3] = [
     Case {
         lidar: &[
@@ -66,7 +66,7 @@ impl ByHand {
     /// Method of all cases.
     pub const METHOD: TableMethod = TableMethod::Icp;
 
-    /// In the paper's order.
+    /// The cases, in the paper's order.
     pub const ALL: [Self; 3] = [Self::Dense, Self::Sparse, Self::Careful];
 
     /// Number of the case in the paper.

@@ -27,7 +27,7 @@ pub struct Cell {
     pub protocol: Protocol,
     /// The method.
     pub method: TableMethod,
-    /// Kind of country.
+    /// Kind of scene.
     pub scene: Scene,
 }
 
@@ -49,8 +49,8 @@ pub(super) const AXES: [(&str, &str); 6] = [
 ];
 
 impl Base {
-    /// Evaluation as in the paper's Sec. 4.1, search for the lowest error; later changes win. The
-    /// strategy sets the number of training pairs, ten in the paper's.
+    /// Evaluation as in the paper's Sec. 4.1, a search that minimises the error, then the changes.
+    /// The strategy sets the number of training pairs, ten in the paper's.
     pub fn paper(changes: Vec<Override>) -> Self {
         let pairs = Override::flag("data.test_pairs", 100_i64);
         let objective = Override::flag("tune.objective", "error");
@@ -110,7 +110,7 @@ impl Cell {
         load(None, &overrides)
     }
 
-    /// The cell of a method in a scene where nothing is tuned.
+    /// The untuned cell of a method in a scene.
     pub fn start(ranges: Preset, method: TableMethod, scene: Scene) -> Self {
         let (ablation, by_hand, strategy, protocol) = (None, None, None, Protocol::Default);
         Self { ablation, by_hand, ranges, strategy, protocol, method, scene }
@@ -121,7 +121,7 @@ impl Cell {
         Self { strategy: Some(strategy), protocol, ..self }
     }
 
-    /// The cell with the same start where nothing is tuned.
+    /// The untuned cell with the same start.
     pub fn untuned(&self) -> Self {
         Self { strategy: None, protocol: Protocol::Default, by_hand: None, ..*self }
     }
@@ -137,7 +137,7 @@ impl Cell {
         [self.untuned(), lidar, registration]
     }
 
-    /// The same with each half tuned alone: the LiDAR, then registration.
+    /// The same cell with one half tuned alone: the LiDAR, then registration.
     pub fn halves(&self) -> [Self; 2] {
         [Protocol::Lidar, Protocol::Registration].map(|protocol| Self { protocol, ..*self })
     }
@@ -152,8 +152,8 @@ impl Cell {
         self.ablation.is_none() && self.by_hand.is_none()
     }
 
-    /// Configuration whose training pairs the search takes, where they are not of the scene that is
-    /// evaluated. `config` is the cell's own.
+    /// Configuration of the training pairs, where they come from other towns or another kind of
+    /// scene. `config` is the cell's own.
     pub fn trained_in(&self, config: &RunConfig) -> Option<RunConfig> {
         let switch = self.ablation.filter(|_| self.is_searched())?;
         switch.trained_in(config, self.scene)
@@ -200,7 +200,7 @@ impl fmt::Display for Cell {
     }
 }
 
-/// Wording of what was tuned.
+/// Name of the tuned parameters, for tables.
 pub fn tuned(cell: &Cell) -> &'static str {
     match cell.protocol {
         Protocol::Default => "default",
@@ -210,7 +210,7 @@ pub fn tuned(cell: &Cell) -> &'static str {
     }
 }
 
-/// Wording of what was tuned, with the search where it is the paper's.
+/// Name of the tuned parameters, with the search where it is the paper's.
 pub fn tuned_by(cell: &Cell) -> String {
     match (cell.by_hand, cell.strategy) {
         (Some(_), _) => "by hand".into(),
@@ -225,7 +225,7 @@ mod tests {
     use echoloop_closed_loop::config::{FgrMode, Method};
 
     #[test]
-    fn a_cell_is_a_run_of_its_method_s_pairs_and_bounds() {
+    fn a_cell_s_configuration_has_the_pairs_and_bounds_of_its_method() {
         let base = Base::default();
         let cell = Cell::start(Preset::Paper, TableMethod::FgrOpen3d, Scene::SemiStructured)
             .searched(Strategy::Paper, Protocol::Lidar);

@@ -13,7 +13,7 @@ use echoloop_closed_loop::config::preset::Protocol;
 #[serde(transparent)]
 pub struct Times(BTreeMap<String, Took>);
 
-/// Duration of a cell; of a resumed search, from where it was resumed.
+/// Duration of a cell; for a resumed search, since it was resumed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Took {

@@ -31,8 +31,8 @@ const TIMES: &str = "times.json";
 /// Held by the process that writes the folder.
 const LOCK: &str = "run.lock";
 
-/// Most bytes of a record: ten thousand pairs.
-const MOST_RECORD: u64 = 16 << 20;
+/// Greatest size of a record, bytes: ten thousand pairs.
+const MAX_RECORD_BYTES: u64 = 16 << 20;
 
 /// Reason why a folder cannot be used.
 #[derive(Debug, Error)]
@@ -40,7 +40,7 @@ pub enum FolderError {
     /// A file of the folder cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The folder holds something else.
+    /// The folder has files but no plan.
     #[error(
         "{}: there are files and no {PLAN}, so no table is kept there; expected a folder of \
          `echoloop reproduce`, an empty one or none",
@@ -53,7 +53,7 @@ pub enum FolderError {
     /// A record of it cannot be read.
     #[error("{0}; remove it, and the cell is run again")]
     BrokenRecord(FileError),
-    /// A record of it is of something else.
+    /// A record is not of this cell and plan.
     #[error(
         "{}: {name} is {was} in it and {is} in the table; remove it, and the cell is run again",
         path.display()
@@ -61,14 +61,14 @@ pub enum FolderError {
     OtherRecord {
         /// The record.
         path: PathBuf,
-        /// In what it differs.
+        /// Name of the first value that differs.
         name: &'static str,
         /// Value in the record.
         was: String,
         /// Value expected from the plan or the file's name.
         is: String,
     },
-    /// Its cells are of another plan.
+    /// The folder's plan is another.
     #[error(
         "{}: {name} is {was} there and {is} now, and cells of both do not stand in one table; give \
          another folder with --runs, or what is there",
@@ -77,7 +77,7 @@ pub enum FolderError {
     OtherPlan {
         /// The folder.
         path: PathBuf,
-        /// In what they differ.
+        /// Name of the first setting that differs.
         name: String,
         /// Value in the folder's plan.
         was: String,
@@ -253,7 +253,7 @@ impl Folder {
 
 /// Reads a JSON file; none where there is no file.
 fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, FileError> {
-    let text = match read_text(path, MOST_RECORD.max(MOST_TEXT)) {
+    let text = match read_text(path, MAX_RECORD_BYTES.max(MOST_TEXT)) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         text => text.map_err(file_error("read", path))?,
     };
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_of_another_seed_or_of_something_else_is_named_and_left_as_it_is() {
+    fn a_folder_of_another_seed_or_without_a_plan_is_refused_and_unchanged() {
         let runs = tempfile::tempdir().unwrap();
         let path = runs.path().join("a/b");
         drop(Folder::open(&path, plan(1)).unwrap());
@@ -296,11 +296,11 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_is_one_process_s_at_a_time() {
+    fn a_folder_is_locked_for_one_process() {
         let runs = tempfile::tempdir().unwrap();
         let _held = Folder::open(runs.path(), plan(1)).unwrap();
         let error = Folder::open(runs.path(), plan(1)).unwrap_err().to_string();
         assert!(error.contains("another process"), "{error}");
-        assert_eq!(Folder::look(runs.path()).unwrap().plan, plan(1), "others may look");
+        assert_eq!(Folder::look(runs.path()).unwrap().plan, plan(1), "others may read");
     }
 }

@@ -1,7 +1,7 @@
 //! Comparison of two protocols on the same held-out pairs.
 //!
-//! Means over successes are over other pairs where recall differs: a higher recall has more hard
-//! pairs. So errors are compared on the pairs that both find, and pairs that one finds are counted.
+//! Where recall differs, means over successes cover different pairs: a higher recall has more hard
+//! ones. So errors are compared on the pairs that both find, and pairs that one finds are counted.
 
 use serde::Serialize;
 
@@ -11,15 +11,15 @@ use echoloop_closed_loop::evaluation::objective::PairError;
 use echoloop_closed_loop::evaluation::summary::succeeds;
 use echoloop_statistics::Estimate;
 
-/// Errors below a tenth of a millimetre count as this in a ratio, m.
-const LEAST_M: f64 = 1e-4;
+/// Lower bound of an error in a ratio, m.
+const FLOOR_M: f64 = 1e-4;
 
 /// Joint tuning compared with another protocol of the same method, scene, range and strategy.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Paired {
     /// The cell of joint tuning.
     pub cell: Cell,
-    /// The other.
+    /// The cell of the other protocol.
     pub other: Cell,
     /// Pairs that both find.
     pub both: usize,
@@ -39,14 +39,14 @@ pub(super) fn paired(records: &[&Record]) -> Vec<Paired> {
         .flat_map(|joint| {
             let of = |other: &Cell| records.iter().find(|record| record.cell == *other);
             let found: Vec<&Record> = joint.cell.others().iter().filter_map(of).copied().collect();
-            found.into_iter().filter_map(move |other| beside(joint, other))
+            found.into_iter().filter_map(move |other| compare(joint, other))
         })
         .collect()
 }
 
 /// Cells of a scene and a method share their held-out pairs; `None` where the counts differ, as in
 /// a folder filled by hand.
-fn beside(joint: &Record, other: &Record) -> Option<Paired> {
+fn compare(joint: &Record, other: &Record) -> Option<Paired> {
     let (own, theirs) = (&joint.summary.errors, &other.summary.errors);
     if own.len() != theirs.len() {
         return None;
@@ -60,11 +60,11 @@ fn beside(joint: &Record, other: &Record) -> Option<Paired> {
         .zip(theirs)
         .filter(|(a, b)| found(a) && found(b))
         .map(|(a, b)| {
-            libm::log(a.translation_m.max(LEAST_M)) - libm::log(b.translation_m.max(LEAST_M))
+            libm::log(a.translation_m.max(FLOOR_M)) - libm::log(b.translation_m.max(FLOOR_M))
         })
         .collect();
-    let mean = |drawn: &[usize]| {
-        libm::exp(drawn.iter().map(|&i| ratios[i]).sum::<f64>() / drawn.len() as f64)
+    let mean = |indices: &[usize]| {
+        libm::exp(indices.iter().map(|&i| ratios[i]).sum::<f64>() / indices.len() as f64)
     };
     let ratio = || Estimate::by_bootstrap(ratios.len(), &mean);
     let translation_ratio = (!ratios.is_empty()).then(ratio);

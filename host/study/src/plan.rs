@@ -50,8 +50,8 @@ impl Plan {
         }
     }
 
-    /// First difference of a record from one of this plan's cell: name, value in the record, value
-    /// expected.
+    /// First difference between a record and the one expected of a cell: name, value in the record,
+    /// value expected.
     pub(super) fn mismatch(
         &self,
         record: &Record,

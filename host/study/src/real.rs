@@ -97,24 +97,24 @@ impl Entry {
                 return Err(file_error("register", &folder.join(file))(empty).into());
             }
         }
-        let content = content([&target, &source], &target_from_source);
+        let content = checksum([&target, &source], &target_from_source);
         Ok(RealPair { name: self.name.clone(), content, target, source, target_from_source })
     }
 }
 
-fn content(clouds: [&Cloud; 2], motion: &Pose) -> String {
+fn checksum(clouds: [&Cloud; 2], motion: &Pose) -> String {
     let points = clouds.into_iter().flat_map(|cloud| &cloud.points);
     let points: Vec<u8> = points
         .flat_map(|point| [point.x, point.y, point.z].map(f32::to_le_bytes))
         .flatten()
         .collect();
     let motion: Vec<u8> = to_rows(motion).into_iter().flat_map(f64::to_le_bytes).collect();
-    let count = clouds[0].points.len() as u64; // so that moving a point between clouds shows
+    let count = clouds[0].points.len() as u64; // a point moved to the other cloud changes it
     Checksum::of(&[&count.to_le_bytes(), &points, &motion]).to_string()
 }
 
-/// A method with its settings, and the start of its row.
-struct Entrant {
+/// A method with settings to evaluate, and its row without results.
+struct Variant {
     row: RealRow,
     /// `None`: chosen from each pair's clouds.
     settings: Option<ThetaReg>,
@@ -159,9 +159,9 @@ pub struct RealRow {
     pub mean_rotation_deg: Option<f64>,
 }
 
-/// Evaluates the defaults, the settings chosen from the clouds, and those tuned by every finished
-/// cell of registration or of both. `begun` gets the number of registrations, `done` is called
-/// after each.
+/// Evaluates the defaults, the settings chosen from the clouds, and those that each finished cell
+/// of registration or joint tuning chose. `begun` receives the number of registrations; `done` is
+/// called after each.
 ///
 /// # Errors
 ///
@@ -174,45 +174,45 @@ pub fn judge_real(
     begun: &dyn Fn(usize),
     done: &(dyn Fn() + Sync),
 ) -> Result<Vec<RealRow>, RealError> {
-    let entrants = entrants(base, folder, cells)?;
-    begun(entrants.len() * pairs.len());
-    let tasks: Vec<(&Entrant, &RealPair)> =
-        entrants.iter().flat_map(|entrant| pairs.iter().map(move |pair| (entrant, pair))).collect();
-    let judged: Vec<RealOutcome> = tasks
+    let variants = variants(base, folder, cells)?;
+    begun(variants.len() * pairs.len());
+    let tasks: Vec<(&Variant, &RealPair)> =
+        variants.iter().flat_map(|variant| pairs.iter().map(move |pair| (variant, pair))).collect();
+    let outcomes: Vec<RealOutcome> = tasks
         .par_iter()
-        .map(|(entrant, pair)| {
-            let outcome = entrant.judge(pair);
+        .map(|(variant, pair)| {
+            let outcome = variant.register(pair);
             done();
             outcome
         })
         .collect();
-    let each = judged.chunks(pairs.len());
-    Ok(entrants.into_iter().zip(each).map(|(entrant, judged)| entrant.row(judged)).collect())
+    let each = outcomes.chunks(pairs.len());
+    Ok(variants.into_iter().zip(each).map(|(variant, pairs)| variant.row(pairs)).collect())
 }
 
-/// Settings to evaluate, each once, by method: first those without a search.
-fn entrants(base: &Base, folder: &Folder, cells: &[Cell]) -> Result<Vec<Entrant>, RealError> {
+/// Distinct settings by method: defaults, those chosen from the clouds, tuned ones.
+fn variants(base: &Base, folder: &Folder, cells: &[Cell]) -> Result<Vec<Variant>, RealError> {
     let plain = || cells.iter().filter(|cell| cell.ablation.is_none());
-    let mut entrants: Vec<Entrant> = Vec::new();
+    let mut variants: Vec<Variant> = Vec::new();
     for method in distinct(plain().map(|cell| cell.method)) {
         let of_method = || plain().filter(|cell| cell.method == method);
-        let mut add = |entrant: Entrant| {
-            let of = |e: &Entrant| (e.row.method, e.row.settings.clone());
-            if !entrants.iter().any(|known| of(known) == of(&entrant)) {
-                entrants.push(entrant);
+        let mut add = |variant: Variant| {
+            let of = |e: &Variant| (e.row.method, e.row.settings.clone());
+            if !variants.iter().any(|known| of(known) == of(&variant)) {
+                variants.push(variant);
             }
         };
         for cell in of_method() {
-            add(Entrant::untuned(base, cell)?);
+            add(Variant::untuned(base, cell)?);
         }
         for cell in of_method() {
-            add(Entrant::new(cell, cell.config(base)?, "chosen from the clouds".into(), None));
+            add(Variant::new(cell, cell.config(base)?, "chosen from the clouds".into(), None));
         }
         for cell in of_method() {
-            Entrant::tuned(base, folder, cell)?.into_iter().for_each(&mut add);
+            Variant::tuned(base, folder, cell)?.into_iter().for_each(&mut add);
         }
     }
-    Ok(entrants)
+    Ok(variants)
 }
 
 /// Parameters that do not fit a cell's configuration.
@@ -220,7 +220,7 @@ fn misfit(cell: &Cell, error: ValueError) -> RealError {
     format!("{cell}: {error}").into()
 }
 
-impl Entrant {
+impl Variant {
     fn new(cell: &Cell, config: RunConfig, settings: String, theta: Option<ThetaReg>) -> Self {
         let row = RealRow {
             method: cell.method,
@@ -241,9 +241,9 @@ impl Entrant {
         let start =
             Parameters::start(&config, &config.hardware()).map_err(|error| misfit(cell, error))?;
         let settings = format!("default, {}", name_of(cell.ranges));
-        let mut entrant = Self::new(cell, config, settings, Some(start.registration));
-        entrant.row.default = Some(cell.ranges);
-        Ok(entrant)
+        let mut variant = Self::new(cell, config, settings, Some(start.registration));
+        variant.row.default = Some(cell.ranges);
+        Ok(variant)
     }
 
     /// Settings that a cell's search of registration chose; none where it is unfinished or its
@@ -261,13 +261,13 @@ impl Entrant {
         let by = if cell.strategy == Some(Strategy::Paper) { ", paper's search" } else { "" };
         let (scene, ranges) = (name_of(cell.scene), name_of(cell.ranges));
         let settings = format!("tuned, {}, {scene}, {ranges}{by}", tuned(cell));
-        let mut entrant = Self::new(cell, config, settings, Some(theta.registration));
-        entrant.row.cell = Some(*cell);
-        Ok(Some(entrant))
+        let mut variant = Self::new(cell, config, settings, Some(theta.registration));
+        variant.row.cell = Some(*cell);
+        Ok(Some(variant))
     }
 
     /// Registers a pair from the identity, as for the cells.
-    fn judge(&self, pair: &RealPair) -> RealOutcome {
+    fn register(&self, pair: &RealPair) -> RealOutcome {
         let (target, source) = (&pair.target, &pair.source);
         let RunConfig { registration: RegistrationConfig { method, mode, .. }, data, .. } =
             &self.config;
@@ -307,7 +307,7 @@ impl Entrant {
     }
 }
 
-/// Lines of a table to read, with each pair's error where it was found.
+/// Lines of a text table, with the translation error of each pair that was found.
 pub fn real_lines(rows: &[RealRow]) -> Vec<Vec<String>> {
     let names = rows.first().into_iter().flat_map(|row| row.pairs.iter().map(|p| p.name.clone()));
     let head = ["method", "settings", "found", "RTE", "RRE"].map(str::to_owned);

@@ -36,8 +36,8 @@ pub struct Selection {
 }
 
 impl Selection {
-    /// Cells in the order they are run: first those where nothing is tuned, as their times predict
-    /// the others'; then searches, ours with ranges for outdoors before the paper's.
+    /// Cells in the order they are run: first untuned ones, as their times predict the others';
+    /// then searches, ours with ranges for outdoors before the paper's.
     pub fn cells(&self) -> Vec<Cell> {
         let ablations: Vec<Option<Ablation>> = match &*self.ablation {
             [] => vec![None],
@@ -103,7 +103,7 @@ mod tests {
     use echoloop_closed_loop::parameters::Parameters;
 
     #[test]
-    fn the_whole_table_has_each_cell_once_and_nothing_tuned_once_a_method_kind_and_range() {
+    fn the_whole_table_has_each_cell_once_and_an_untuned_one_a_method_scene_and_range() {
         let cells = Selection::default().cells();
         let names: BTreeSet<String> = cells.iter().map(Cell::file_name).collect();
         assert_eq!((cells.len(), names.len()), (168, 168)); // 24 starts, 3 · 2 · 24 searches
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn every_case_set_by_hand_starts_in_both_ranges_and_is_no_other_case() {
+    fn every_case_tuned_by_hand_has_valid_settings_of_its_own_in_both_ranges() {
         let base = Base::default();
         let selection = Selection { by_hand: true, ..Selection::default() };
         let cells: Vec<Cell> =

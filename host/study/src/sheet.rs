@@ -1,4 +1,4 @@
-//! Sheets of the table: rows with the same names, each figure beside one that it is compared with.
+//! Sheets of the table: rows with the same columns, each figure beside its reference.
 //!
 //! Text, page and LaTeX are written from the same sheets.
 
@@ -39,7 +39,7 @@ impl Part {
         }
     }
 
-    /// Name of the figures that stand beside a row's own.
+    /// Heading of the reference figures.
     pub fn reference(self) -> &'static str {
         match self {
             Self::Search(..) => "paper",
@@ -94,7 +94,7 @@ impl<'a> Sheet<'a> {
         }
     }
 
-    /// The row of ours that a row is compared with; none beside the paper.
+    /// Our row that a row is compared with; none where the reference is the paper.
     pub fn other(&self, row: &Row) -> Option<&'a Row> {
         match self.part {
             Part::Search(..) => None,
@@ -103,8 +103,8 @@ impl<'a> Sheet<'a> {
         }
     }
 
-    /// Each figure of [`FIGURES`] with its interval and its reference; of a row without figures,
-    /// why it has none.
+    /// Each figure of [`FIGURES`] with its interval and its reference; for a row without figures,
+    /// the reason.
     pub fn figures(&self, row: &Row) -> [FigureCell; 3] {
         let other = self.other(row).and_then(|other| other.figures.as_ref());
         FIGURES.each_ref().map(|figure| {

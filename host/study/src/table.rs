@@ -125,7 +125,7 @@ impl Table {
         self.rows.iter().filter(|row| row.figures.is_none() && row.error.is_none()).count()
     }
 
-    /// Ranges and strategies of the searches without a switch, each once.
+    /// Distinct ranges and strategies of the searches without an ablation.
     pub fn searches(&self) -> Vec<(Preset, Option<Strategy>)> {
         let plain = || self.rows.iter().map(|row| row.cell).filter(Cell::is_of_the_table);
         let has_searches = plain().any(|cell| cell.strategy.is_some());
@@ -144,7 +144,7 @@ impl Table {
         self.sorted(is_of, place)
     }
 
-    /// Rows of some cells, by a key.
+    /// Rows of the cells that `is_of` selects, sorted by a key.
     pub(super) fn sorted<K: Ord>(
         &self,
         is_of: impl Fn(&Cell) -> bool,
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn joint_tuning_is_held_to_the_best_of_the_others_figure_by_figure() {
+    fn joint_tuning_is_compared_with_the_best_of_the_others_in_each_figure() {
         let spread = |middle: f64| (0..40).map(|i| middle + 0.001 * f64::from(i % 5)).collect();
         let [low, high]: [Vec<f64>; 2] = [spread(0.01), spread(0.02)];
         assert_eq!(joint(&high, &high, &low).holds(), Some(true));
@@ -248,12 +248,12 @@ mod tests {
         assert_eq!((worse.recall, worse.translation), (Some(true), Some(false)));
         assert_eq!(worse.holds(), Some(false));
         let nearly: Vec<f64> = low.iter().map(|e| e + 0.0002).collect();
-        assert_eq!(joint(&high, &low, &nearly).holds(), Some(true), "the best is within");
+        assert_eq!(joint(&high, &low, &nearly).holds(), Some(true), "its interval holds the best");
         // 30 of 40 found against 40 of 40: Wilson's interval of 75 % ends below 90 %.
         let lost: Vec<f64> = [[9.0; 10].to_vec(), low[10..].to_vec()].concat();
         assert_eq!(joint(&low, &low, &lost).recall, Some(false));
-        assert_eq!(joint(&[], &[], &low).holds(), None, "nothing to be held to");
-        assert_eq!(joint(&low, &low, &[]).holds(), None, "not done");
+        assert_eq!(joint(&[], &[], &low).holds(), None, "nothing to compare with");
+        assert_eq!(joint(&low, &low, &[]).holds(), None, "not finished");
         let none = joint(&low, &low, &[9.0; 40]);
         assert_eq!((none.recall, none.translation), (Some(false), None));
     }

@@ -21,7 +21,7 @@ pub struct Figure {
     paper: fn(&PaperFigures) -> f64,
 }
 
-/// In the table's order.
+/// The figures, in the table's order.
 pub const FIGURES: [Figure; 3] = [
     Figure {
         title: "Recall",
@@ -112,7 +112,7 @@ pub fn absent(row: &Row) -> &'static str {
     if row.error.is_some() { "failed" } else { "not run" }
 }
 
-/// Cells done, pairs and seed.
+/// Finished cells, pairs and seed.
 pub fn subtitle(table: &Table) -> String {
     let all = table.rows.len();
     let done = table.rows.iter().filter(|row| row.figures.is_some()).count();
@@ -159,7 +159,7 @@ pub fn remarks(table: &Table) -> Vec<String> {
     remarks
 }
 
-/// A sentence for each search, from its wording and the predicate of its cells.
+/// A sentence for each search. `sentence` gets its heading and a predicate for its cells.
 fn of_searches(
     table: &Table,
     sentence: impl Fn(&str, &dyn Fn(&Cell) -> bool) -> Option<String>,
@@ -178,7 +178,7 @@ fn paired(table: &Table) -> Vec<String> {
         let is_it = |paired: &&Paired| {
             is_of(&paired.cell) && paired.other.protocol == Protocol::Registration
         };
-        let each: Vec<String> = table.paired.iter().filter(is_it).filter_map(beside).collect();
+        let each: Vec<String> = table.paired.iter().filter(is_it).filter_map(ratio_text).collect();
         (!each.is_empty()).then(|| {
             format!(
                 "On the pairs that both find, with {search}, the ratio of RTE with both tuned to \
@@ -189,7 +189,7 @@ fn paired(table: &Table) -> Vec<String> {
     })
 }
 
-fn beside(paired: &Paired) -> Option<String> {
+fn ratio_text(paired: &Paired) -> Option<String> {
     let Estimate { value, interval: [low, high] } = paired.translation_ratio?;
     let (method, scene) = (paired.cell.method.title(), name_of(paired.cell.scene));
     Some(format!(
@@ -198,7 +198,7 @@ fn beside(paired: &Paired) -> Option<String> {
     ))
 }
 
-/// Cells where joint tuning is best or its interval holds the best.
+/// Sentences that count the cells where joint tuning is best or its interval holds the best.
 fn verdicts(table: &Table) -> Vec<String> {
     of_searches(table, |search, is_of| {
         let is_known = |verdict: &&Verdict| is_of(&verdict.cell) && verdict.holds().is_some();
@@ -219,7 +219,7 @@ fn verdicts(table: &Table) -> Vec<String> {
     })
 }
 
-/// A cell where it is not, and the figures concerned.
+/// Cell where joint tuning is behind, with the figures concerned.
 fn lost(verdict: &Verdict) -> Option<String> {
     let named =
         [("recall", verdict.recall), ("RTE", verdict.translation), ("RRE", verdict.rotation)];

@@ -15,7 +15,7 @@ pub(super) struct Machine {
     pub(super) shift: u32,
 }
 
-/// In the order of the table.
+/// Emulated machines, in the order of the table.
 pub(super) const MACHINES: [Machine; 5] = {
     const fn arm(processor: &'static str, target: Target, machine: &'static str) -> Machine {
         let (emulator, package) = ("qemu-system-arm", "qemu-system-arm");

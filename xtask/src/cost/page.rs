@@ -29,9 +29,9 @@ const PIPELINE_AIM: f64 = 1.5;
 /// Aims with eight samples at a time, as shares of the filter and of the pipeline with two.
 const VECTOR_AIMS: (f64, f64) = (1.0 / 3.0, 0.5);
 
-/// Cost of a search for the median that begins off it, counted once with the guess of
+/// Cost of a search for the median from a wrong guess, counted once with the guess of
 /// `firmware/image/src/bin/cost/stages.rs` moved by 1, 4 and 40 codes.
-const ASTRAY: &str = "\n\
+const WRONG_GUESS: &str = "\n\
     `mve` looks for the median where the last waveform had it, and finds it in one pass within\n\
     a code, as here. 4 codes off, its statistics take 3.6 instructions per sample more, 40 codes\n\
     off 7.1; the histogram of `dual_multiply` takes no more for 40.\n";
@@ -99,7 +99,7 @@ fn verdicts([filter, pipeline, vector_filter, vector_pipeline]: &[Aim; 4]) -> St
          ## Two samples at a time and eight\n\n\
          The same case, instructions per sample. `mve` is for Armv8.1-M's vector unit.\n\n\
          | | Cortex-M4, `dual_multiply` | Cortex-M55, `mve` | aim | |\n|---|---|---|---|---|\n\
-         {}{}{ASTRAY}",
+         {}{}{WRONG_GUESS}",
         filter.verdict(),
         pipeline.at_most,
         pipeline.verdict(),
@@ -117,12 +117,12 @@ pub(super) fn draw(table: &Table) -> Result<String> {
     let mut drawn: Vec<(&str, String)> = Vec::new();
     for Machine { processor, target, emulator, machine, .. } in &MACHINES {
         let figures = stages(table, processor)?;
-        let shown = match drawn.iter().find(|(_, other)| *other == figures) {
+        let body = match drawn.iter().find(|(_, other)| *other == figures) {
             Some((other, _)) => format!("The same as {other}, which runs the same image.\n"),
             None => figures.clone(),
         };
         let on = format!("`{}` on `{emulator} -M {machine}`", target.name);
-        write!(page, "\n## {processor}\n\n{on}, instructions per sample.\n\n{shown}")?;
+        write!(page, "\n## {processor}\n\n{on}, instructions per sample.\n\n{body}")?;
         drawn.push((processor, figures));
     }
     Ok(page)

@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use serde_json::{Map, Value, json};
 
-use super::book::{Kind, Run};
+use super::list::{Kind, Run};
 use crate::record::printed;
 use crate::shell::{build_release, built, echoloop, first_line, today};
 use crate::{cost, firmware};

@@ -5,7 +5,7 @@
 //! so is a page. A run that this machine cannot make is reported and skipped; that fails where it
 //! was named by `--only`, where `CI` is set, and where nothing is left to compare.
 
-mod book;
+mod list;
 mod measure;
 mod page;
 mod update;
@@ -18,9 +18,9 @@ use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
 use crate::shell::{output, workspace};
-use book::{Book, Figure, Run};
+use list::{Figure, List, Run};
 
-const BOOK: &str = "benches/record/figures.toml";
+const LIST: &str = "benches/record/figures.toml";
 
 /// Runs to make.
 #[derive(Clone, Debug, clap::Args)]
@@ -52,13 +52,13 @@ struct Compared<'a> {
 /// from the record; with `--update`, when one still does after writing.
 pub(crate) fn run(args: &Figures) -> Result<()> {
     let root = workspace()?;
-    let book = read(&root)?;
-    let chosen = args.chosen(&book)?;
+    let list = read(&root)?;
+    let chosen = args.chosen(&list)?;
     if args.update {
-        refuse_changed_code(&book)?;
+        refuse_changed_code(&list)?;
     }
     let measured = measure::all(&root, &chosen)?;
-    let rows = compare(&book, &measured)?;
+    let rows = compare(&list, &measured)?;
     rows.iter().for_each(print);
     let (made, skipped): (Vec<&Run>, Vec<&Run>) =
         chosen.iter().partition(|run| measured.contains_key(&run.name));
@@ -67,24 +67,24 @@ pub(crate) fn run(args: &Figures) -> Result<()> {
     if args.update {
         let stamp = |run| Ok((run, measure::stamp(run)?));
         let made = made.into_iter().map(stamp).collect::<Result<Vec<_>>>()?;
-        update::write(&root, BOOK, &made, &book, &rows)?;
+        update::write(&root, LIST, &made, &list, &rows)?;
     }
-    judge(&root, &read(&root)?, &measured)
+    check(&root, &read(&root)?, &measured)
 }
 
-/// Fails where the code is not that of the commit that a stamp would name. The list and the pages,
-/// which an update writes, may have changed.
-fn refuse_changed_code(book: &Book) -> Result<()> {
+/// Fails when the code has uncommitted changes, as a stamp names the commit. The list and the
+/// pages, which an update writes, may have changed.
+fn refuse_changed_code(list: &List) -> Result<()> {
     let status = output("git", &["status", "--porcelain", "--untracked-files=no"])?;
-    let changed = changed_code(&status, book);
+    let changed = changed_code(&status, list);
     ensure!(changed.is_empty(), "--update stamps a commit, so commit first: {changed:?}");
     Ok(())
 }
 
 /// Files that `git status --porcelain` names, but for those that an update writes.
-fn changed_code<'a>(status: &'a str, book: &Book) -> Vec<&'a str> {
-    let pages = book.figure.iter().flat_map(|figure| &figure.printed);
-    let written: Vec<&str> = pages.map(|printed| &*printed.page).chain([BOOK]).collect();
+fn changed_code<'a>(status: &'a str, list: &List) -> Vec<&'a str> {
+    let pages = list.figure.iter().flat_map(|figure| &figure.printed);
+    let written: Vec<&str> = pages.map(|printed| &*printed.page).chain([LIST]).collect();
     let named = status.lines().filter_map(|line| line.get(3..));
     named.filter(|path| !written.contains(path)).collect()
 }
@@ -98,10 +98,10 @@ fn refuse_gaps(compared: usize, skipped: &[&Run], strict: bool) -> Result<()> {
 }
 
 /// Compares the record, as the file has it now, with the runs, and the pages with the record.
-fn judge(root: &Path, book: &Book, measured: &BTreeMap<String, Value>) -> Result<()> {
-    let rows = compare(book, measured)?;
+fn check(root: &Path, list: &List, measured: &BTreeMap<String, Value>) -> Result<()> {
+    let rows = compare(list, measured)?;
     let wrong = rows.iter().filter(|row| row.recorded != row.measured).count();
-    let missing = book.missing(|page| text(root, page))?;
+    let missing = list.missing(|page| text(root, page))?;
     ensure!(
         wrong == 0 && missing.is_empty(),
         "{wrong} values are not as recorded, {} pages do not print the record\n  {}\n\
@@ -110,7 +110,7 @@ fn judge(root: &Path, book: &Book, measured: &BTreeMap<String, Value>) -> Result
         missing.len(),
         missing.join("\n  ")
     );
-    for run in book.run.iter().filter(|run| !measured.contains_key(&run.name)) {
+    for run in list.run.iter().filter(|run| !measured.contains_key(&run.name)) {
         println!("not measured now: {}: {}", run.name, run.measured);
     }
     println!(
@@ -121,8 +121,8 @@ fn judge(root: &Path, book: &Book, measured: &BTreeMap<String, Value>) -> Result
     Ok(())
 }
 
-fn read(root: &Path) -> Result<Book> {
-    Book::from_text(&text(root, BOOK)?).with_context(|| BOOK.to_owned())
+fn read(root: &Path) -> Result<List> {
+    List::from_text(&text(root, LIST)?).with_context(|| LIST.to_owned())
 }
 
 fn text(root: &Path, path: &str) -> Result<String> {
@@ -131,23 +131,23 @@ fn text(root: &Path, path: &str) -> Result<String> {
 
 impl Figures {
     /// Runs named by `--only`; without it all, or all but the slow ones.
-    fn chosen<'a>(&self, book: &'a Book) -> Result<Vec<&'a Run>> {
+    fn chosen<'a>(&self, list: &'a List) -> Result<Vec<&'a Run>> {
         for name in &self.only {
-            let known: Vec<&str> = book.run.iter().map(|run| run.name.as_str()).collect();
+            let known: Vec<&str> = list.run.iter().map(|run| run.name.as_str()).collect();
             ensure!(known.contains(&name.as_str()), "--only {name}: there are {known:?}");
         }
         let chosen = |run: &&Run| match self.only.is_empty() {
             true => self.all || !run.slow,
             false => self.only.contains(&run.name),
         };
-        Ok(book.run.iter().filter(chosen).collect())
+        Ok(list.run.iter().filter(chosen).collect())
     }
 }
 
 /// Every value of every figure whose run was made.
-fn compare<'a>(book: &'a Book, measured: &BTreeMap<String, Value>) -> Result<Vec<Compared<'a>>> {
+fn compare<'a>(list: &'a List, measured: &BTreeMap<String, Value>) -> Result<Vec<Compared<'a>>> {
     let mut rows = Vec::new();
-    for figure in &book.figure {
+    for figure in &list.figure {
         let Some(output) = measured.get(&figure.run) else { continue };
         for (value, place) in &figure.values {
             let recorded = figure.recorded.get(value).map_or("", String::as_str);
@@ -176,13 +176,13 @@ mod tests {
     }
 
     #[test]
-    fn every_figure_is_of_a_run_of_the_list_and_has_what_it_prints_and_every_run_makes_one() {
-        let book = read(&workspace().unwrap()).unwrap();
-        for run in &book.run {
-            assert!(book.figure.iter().any(|figure| figure.run == run.name), "{}", run.name);
+    fn every_figure_has_a_run_and_its_values_and_every_run_has_a_figure() {
+        let list = read(&workspace().unwrap()).unwrap();
+        for run in &list.run {
+            assert!(list.figure.iter().any(|figure| figure.run == run.name), "{}", run.name);
         }
-        for figure in &book.figure {
-            assert!(book.run.iter().any(|run| run.name == figure.run), "{}", figure.name);
+        for figure in &list.figure {
+            assert!(list.run.iter().any(|run| run.name == figure.run), "{}", figure.name);
             let recorded: Vec<_> = figure.recorded.keys().collect();
             assert_eq!(recorded, figure.values.keys().collect::<Vec<_>>(), "{}", figure.name);
             for printed in &figure.printed {
@@ -194,9 +194,9 @@ mod tests {
     }
 
     #[test]
-    fn a_skipped_run_fails_where_it_had_to_be_made() {
-        let book = read(&workspace().unwrap()).unwrap();
-        let skipped = [&book.run[0]];
+    fn a_skipped_run_fails_in_strict_mode_or_where_nothing_was_compared() {
+        let list = read(&workspace().unwrap()).unwrap();
+        let skipped = [&list.run[0]];
         assert!(refuse_gaps(1, &[], true).is_ok());
         assert!(refuse_gaps(1, &skipped, false).is_ok());
         assert!(refuse_gaps(1, &skipped, true).is_err());
@@ -206,10 +206,10 @@ mod tests {
 
     #[test]
     fn an_update_is_refused_where_more_than_pages_and_list_has_changed() {
-        let book = read(&workspace().unwrap()).unwrap();
+        let list = read(&workspace().unwrap()).unwrap();
         let pages = " M README.md\n M benches/record/figures.toml\nM  docs/microcontroller.md\n";
-        assert_eq!(changed_code(pages, &book), [""; 0]);
+        assert_eq!(changed_code(pages, &list), [""; 0]);
         let code = format!("{pages} M xtask/src/main.rs\nR  a.md -> b.md\n");
-        assert_eq!(changed_code(&code, &book), ["xtask/src/main.rs", "a.md -> b.md"]);
+        assert_eq!(changed_code(&code, &list), ["xtask/src/main.rs", "a.md -> b.md"]);
     }
 }

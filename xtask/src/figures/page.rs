@@ -35,7 +35,7 @@ fn begins_inside(page: &str, at: usize) -> bool {
         }
 }
 
-/// True when a number that began before a place goes on after it. A point may end a sentence.
+/// True when a place is inside a number. A point may end a sentence.
 fn ends_inside(page: &str, at: usize) -> bool {
     let mut after = page[at..].chars();
     page[..at].ends_with(digit)

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
-use super::book::{Book, Figure, Printed, Run, fill};
+use super::list::{Figure, List, Printed, Run, fill};
 use super::page::replace;
 use super::{Compared, text};
 
@@ -18,9 +18,9 @@ use super::{Compared, text};
 /// When a page does not print the recorded value, so that the place of the new one is unknown.
 pub(super) fn write(
     root: &Path,
-    list: &str,
+    file: &str,
     made: &[(&Run, String)],
-    book: &Book,
+    list: &List,
     rows: &[Compared<'_>],
 ) -> Result<()> {
     // Read once, and written at the end.
@@ -31,12 +31,12 @@ pub(super) fn write(
         anyhow::Ok(())
     };
     for (run, stamp) in made {
-        change(list, &|text| stamped(text, run, stamp))?;
+        change(file, &|text| stamped(text, run, stamp))?;
     }
-    for figure in &book.figure {
+    for figure in &list.figure {
         let new = values(figure, rows);
         if new != figure.recorded {
-            change(list, &|text| recorded(text, figure, &new))?;
+            change(file, &|text| recorded(text, figure, &new))?;
             for Printed { page, text } in &figure.printed {
                 let (old, new) = (figure.line(text), fill(text, &new));
                 let lost = || format!("{page}: {}: it does not print {old:?}", figure.name);
@@ -96,18 +96,18 @@ mod tests {
 
     #[test]
     fn a_figure_s_record_is_rewritten_and_nothing_else() {
-        let book = Book::from_text(LIST).unwrap();
+        let list = List::from_text(LIST).unwrap();
         let new = BTreeMap::from([("x".to_owned(), "3".to_owned())]);
-        let text = recorded(LIST, &book.figure[1], &new).unwrap();
+        let text = recorded(LIST, &list.figure[1], &new).unwrap();
         assert_eq!(text, LIST.replace("x = \"2\"", "x = \"3\""));
     }
 
     #[test]
     fn a_run_s_stamp_is_rewritten_and_nothing_else() {
-        let book = Book::from_text(LIST).unwrap();
-        let text = stamped(LIST, &book.run[1], "now").unwrap();
+        let list = List::from_text(LIST).unwrap();
+        let text = stamped(LIST, &list.run[1], "now").unwrap();
         assert_eq!(text.matches("once").count(), 1);
-        let again = Book::from_text(&text).unwrap();
+        let again = List::from_text(&text).unwrap();
         assert_eq!([&*again.run[0].measured, &*again.run[1].measured], ["once", "now"]);
     }
 }

@@ -63,7 +63,7 @@ fn rows(text: &mut String, scene: &str, lines: &[&Line<Run>]) {
             let registrations = runs.iter().map(|line| line.result.registrations).sum::<u64>();
             let count = registrations / runs.len() as u64;
             let start = against(&runs, |line| Some(&line.result.start));
-            // Another row is compared with by the runs of the same seed.
+            // Runs are compared with those of another row that have the same seed.
             let beside = |strategy, protocol| {
                 let others = of(strategy, protocol);
                 against(&runs, move |line| {
@@ -73,8 +73,8 @@ fn rows(text: &mut String, scene: &str, lines: &[&Line<Run>]) {
             };
             let half = |half| (protocol == "joint").then(|| beside(strategy, half))?;
             // Thrift searches for the least energy, not for the paper's error.
-            let is_beside = !matches!(strategy, "paper" | "thrift");
-            let paper = is_beside.then(|| beside("paper", protocol)).flatten();
+            let has_paper = !matches!(strategy, "paper" | "thrift");
+            let paper = has_paper.then(|| beside("paper", protocol)).flatten();
             let gains = [start, half("registration"), half("lidar"), paper];
             row(text, [scene, protocol, strategy], &tuned, Some(count), gains);
         }
@@ -93,7 +93,7 @@ fn row(
     };
     let recall_pct = of(|judged| judged.recall_pct);
     let means: Vec<f64> = judged.iter().filter_map(|judged| judged.mean_cm).collect();
-    // Over the runs that found a pair.
+    // Mean over the runs that found a pair.
     let mean_cm = match means.len() {
         0 => "–".to_owned(),
         runs => format!("{:.2} cm", means.iter().sum::<f64>() / runs as f64),
@@ -110,8 +110,7 @@ fn row(
     );
 }
 
-/// Difference of the runs' errors from those of others on the same pairs: the mean difference of
-/// the logarithms, a run a group.
+/// Mean difference of ln error between runs and others on the same pairs; each run is a group.
 fn against<'a>(
     runs: &[&'a Line<Run>],
     other: impl Fn(&'a Line<Run>) -> Option<&'a Judged>,
@@ -172,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn both_together_are_compared_with_registration_alone_of_the_same_seed() {
+    fn joint_runs_are_compared_with_registration_alone_of_the_same_seed() {
         let lines = [
             line("registration", "1", 1000, 800),
             line("registration", "2", 2000, 1000),
@@ -191,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn of_two_runs_only_those_of_one_seed_are_compared_with_the_sensor_s_and_the_paper_s() {
+    fn joint_runs_are_compared_with_sensor_alone_and_with_paper_of_the_same_seed() {
         let mut papers = line("joint", "2", 2000, 250);
         papers.cell = papers.cell.with("strategy", "paper");
         let lines = [

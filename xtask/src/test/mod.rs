@@ -38,40 +38,40 @@ pub(crate) struct Test {
 /// parts on sale and of the RISC-V board.
 const ALWAYS: [Target; 2] = [ARMV7EM, RV32];
 
-/// Variables of the tests' environment: where they find data, which targets have no images on
-/// purpose, the file that gathers what is skipped.
+/// Environment variables of the tests: the folder of the data sets, the targets whose images are
+/// not built, the file that lists what is skipped.
 const DATA: &str = "ECHOLOOP_DATA";
 const LEFT_OUT: &str = "ECHOLOOP_LEFT_OUT";
 const SKIPPED: &str = "ECHOLOOP_SKIPPED";
 
-/// Runs the steps, and tells what each took and what was skipped.
+/// Runs the steps, and prints the time of each and what was skipped.
 ///
 /// # Errors
 ///
-/// When a step fails, or what was asked to be installed cannot be.
-pub(crate) fn run(asked: &Test) -> Result<()> {
+/// When a step fails, or `--install` cannot install a program.
+pub(crate) fn run(args: &Test) -> Result<()> {
     let (begun, root) = (Instant::now(), workspace()?);
-    let is_whole = setup::programs(&root, asked.install)?;
-    ensure!(is_whole || !asked.all, "--all needs the programs above: --install");
+    let has_all = setup::programs(&root, args.install)?;
+    ensure!(has_all || !args.all, "--all needs the programs above: --install");
     setup::add_targets(&ALWAYS.each_ref());
     let state = Verified::now(&root, toolchain(&ARMV7EM)?.version())?;
-    let chosen = chosen(asked, &root, &state);
+    let chosen = chosen(args, &root, &state);
     setup::add_targets(&chosen);
-    let plan = Plan::new(asked, &root, &chosen)?;
+    let plan = Plan::new(args, &root, &chosen)?;
     let skipped = plan.skipped.clone();
     let steps = Steps::default();
     let outcome = plan.run(&steps);
     eprintln!("\n{}", steps.table(begun.elapsed()));
     distinct_lines(&skipped).iter().for_each(|line| eprintln!("SKIPPED: {line}"));
     outcome?;
-    if asked.all { state.write(&root) } else { Ok(()) }
+    if args.all { state.write(&root) } else { Ok(()) }
 }
 
 /// Targets whose images are built: all of them unless the record of verified sources holds.
-fn chosen(asked: &Test, root: &Path, state: &Verified) -> Vec<&'static Target> {
+fn chosen(args: &Test, root: &Path, state: &Verified) -> Vec<&'static Target> {
     match state.differs_from_record(root) {
         Some(why) => eprintln!("note: all images are built: {why}"),
-        None if !asked.all => {
+        None if !args.all => {
             return targets().into_iter().filter(|t| ALWAYS.contains(t)).collect();
         }
         None => {}
@@ -89,24 +89,23 @@ struct Plan {
 }
 
 impl Plan {
-    fn new(asked: &Test, root: &Path, chosen: &[&Target]) -> Result<Self> {
+    fn new(args: &Test, root: &Path, chosen: &[&Target]) -> Result<Self> {
         let skipped = root.join("target/xtask/skipped");
         fs::create_dir_all(root.join("target/xtask"))?;
         fs::write(&skipped, "")?;
-        let host = if asked.only_tests { vec![building()?] } else { host_steps()? };
+        let host = if args.only_tests { vec![building()?] } else { host_steps()? };
         let mut after = vec![tests(root, chosen)?.with(SKIPPED, &skipped)];
         if peers::are_installed(root)? {
             after.push(Step::own("clouds", &["peers", "--clouds"])?);
         }
-        if asked.all {
+        if args.all {
             after.push(ignored_tests(root)?.with(SKIPPED, &skipped));
             after.push(Step::own("searches", &["peers", "--searches"])?);
         }
-        Ok(Self { images: image_steps(asked, chosen)?, host, after, skipped })
+        Ok(Self { images: image_steps(args, chosen)?, host, after, skipped })
     }
 
-    /// An image is linked by one core alone, in a folder of its own: the host's steps need not
-    /// wait for it.
+    /// An image is linked by one core, in a target folder of its own, so host steps run beside it.
     fn run(self, steps: &Steps) -> Result<()> {
         let Self { images, host, after, .. } = self;
         thread::scope(|scope| {
@@ -118,14 +117,14 @@ impl Plan {
     }
 }
 
-fn image_steps(asked: &Test, chosen: &[&Target]) -> Result<Vec<Step>> {
+fn image_steps(args: &Test, chosen: &[&Target]) -> Result<Vec<Step>> {
     let targets: Vec<&str> = chosen.iter().flat_map(|t| ["--target", t.name]).collect();
-    let lint = (!asked.only_tests).then_some("--lint");
-    // With all images, a target that nothing here builds for is no reason to skip it.
-    let for_tests = (!asked.all).then_some("--for-tests");
+    let lint = (!args.only_tests).then_some("--lint");
+    // With all images, a target without a toolchain is an error, not skipped.
+    let for_tests = (!args.all).then_some("--for-tests");
     let flags = ["firmware"].into_iter().chain(lint).chain(for_tests);
     let mut steps = vec![Step::own("images", &flags.chain(targets.clone()).collect::<Vec<_>>())?];
-    if !asked.only_tests {
+    if !args.only_tests {
         steps.push(Step::own("cost", &[&["cost"], &targets[..]].concat())?);
     }
     Ok(steps)
@@ -180,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn images_that_are_not_built_are_named_to_the_tests_and_the_others_are_counted() {
+    fn the_tests_know_the_images_that_are_not_built_and_the_others_are_counted() {
         let chosen = ALWAYS.each_ref();
         let flags = "--target thumbv7em-none-eabihf --target riscv32imac-unknown-none-elf";
         assert_eq!(
@@ -196,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn with_all_images_none_is_left_out_and_a_target_that_nothing_builds_for_is_no_excuse() {
+    fn with_all_no_image_is_left_out_and_a_missing_toolchain_is_an_error() {
         let tests = tests(Path::new("/nowhere"), &targets()).unwrap();
         assert_eq!(tests.variable(LEFT_OUT).unwrap(), "");
         let images = image_steps(&EVERYTHING, &targets()).unwrap();
@@ -212,7 +211,7 @@ mod tests {
         fs::create_dir(folder.path().join("firmware")).unwrap();
         let state = Verified::now(&workspace().unwrap(), "rustc 1").unwrap();
         let names =
-            |asked| chosen(asked, folder.path(), &state).iter().map(|t| t.name).collect::<Vec<_>>();
+            |args| chosen(args, folder.path(), &state).iter().map(|t| t.name).collect::<Vec<_>>();
         assert_eq!(names(&USUAL).len(), targets().len(), "there is no record");
         state.write(folder.path()).unwrap();
         assert_eq!(names(&USUAL), [ARMV7EM.name, RV32.name]);

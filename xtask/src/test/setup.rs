@@ -14,7 +14,7 @@ use crate::target::Target;
 
 /// A program that tests start.
 struct Program {
-    /// Names, each of which will do.
+    /// Names, any of which suffices.
     names: &'static [&'static str],
     /// Debian's package.
     debian: &'static str,
@@ -62,12 +62,12 @@ pub(super) fn add_targets(targets: &[&Target]) {
     }
 }
 
-/// Installs the programs that are missing when that is wanted, or says what goes without them. True
-/// when all are there.
+/// Installs missing programs with `--install` or the user's consent, else prints what is not
+/// tested. True when all are present.
 ///
 /// # Errors
 ///
-/// When one that is wanted cannot be installed.
+/// When a program cannot be installed.
 pub(super) fn programs(root: &Path, install: bool) -> Result<bool> {
     let missing: Vec<&Program> =
         PROGRAMS.iter().filter(|program| !program.names.iter().any(|n| on_path(n))).collect();
@@ -140,9 +140,9 @@ fn command(words: &[&str]) -> Command {
 
 /// Asks on a terminal, the first time only; without a terminal the answer is no.
 fn agreed_on_terminal(root: &Path, commands: &[Vec<&str>]) -> bool {
-    let asked = root.join("target/xtask/asked-to-install");
+    let marker = root.join("target/xtask/asked-to-install");
     let is_terminal = io::stdin().is_terminal() && io::stderr().is_terminal();
-    if !is_terminal || env::var_os("CI").is_some() || asked.exists() {
+    if !is_terminal || env::var_os("CI").is_some() || marker.exists() {
         return false;
     }
     eprintln!("Some tests need programs that are not installed. Asked once; later: --install.");
@@ -151,7 +151,7 @@ fn agreed_on_terminal(root: &Path, commands: &[Vec<&str>]) -> bool {
     let _ = io::stderr().flush();
     let mut answer = String::new();
     let read = io::stdin().lock().read_line(&mut answer);
-    let _ = fs::create_dir_all(root.join("target/xtask")).and_then(|()| fs::write(asked, &answer));
+    let _ = fs::create_dir_all(root.join("target/xtask")).and_then(|()| fs::write(marker, &answer));
     read.is_ok() && is_yes(&answer)
 }
 
@@ -159,7 +159,7 @@ fn is_yes(answer: &str) -> bool {
     ["y", "yes"].contains(&answer.trim().to_lowercase().as_str())
 }
 
-/// Folder of the data sets: the one that is named, or `shared/data` beside the project.
+/// Folder of the data sets: `named`, or `shared/data` beside the project.
 pub(super) fn data(root: &Path, named: Option<PathBuf>) -> Option<PathBuf> {
     let beside = root.parent().map(|parent| parent.join("shared/data"));
     named.or_else(|| beside.filter(|folder| folder.is_dir()))
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_installed_by_one_command_of_apt_after_an_update() {
+    fn missing_packages_are_installed_by_one_apt_command_after_an_update() {
         let [arm, riscv, browser] = &PROGRAMS;
         let root = Manager::Apt { sudo: false };
         let install = "apt-get install -y --no-install-recommends";

@@ -14,7 +14,7 @@ use crate::shell::cargo_command;
 /// A named command.
 pub(super) struct Step {
     name: &'static str,
-    /// As one types it.
+    /// The command as one types it.
     shown: String,
     command: Command,
 }
@@ -95,7 +95,7 @@ impl Steps {
         Ok(())
     }
 
-    /// The table of all finished steps, with what they took together since `begun`.
+    /// The table of all finished steps, with their total; `wall` is the total wall time.
     pub(super) fn table(&self, wall: Duration) -> String {
         let rows = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let cpu = rows.iter().map(|(_, _, spent)| spent.cpu).sum();
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn the_cpu_time_of_a_step_is_that_of_its_grandchildren_too_and_sleep_costs_none() {
+    fn the_cpu_time_of_a_step_includes_its_grandchildren_and_no_sleep() {
         let steps = Steps::default();
         steps.run(vec![shell("busy", BUSY), shell("idle", "sleep 0.3")]).unwrap();
         let rows = steps.0.into_inner().unwrap();
@@ -152,7 +152,7 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn a_step_that_fails_is_named_and_counted_and_ends_the_row() {
+    fn a_failed_step_is_named_and_timed_and_stops_the_rest() {
         let steps = Steps::default();
         let row = vec![shell("one", "true"), shell("two", "exit 3"), shell("three", "true")];
         let error = steps.run(row).unwrap_err().to_string();
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_that_many_tests_write_is_told_once() {
+    fn a_line_that_many_tests_write_is_listed_once() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("skipped");
         assert!(distinct_lines(&file).is_empty());

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 /// The record, below the workspace's root.
 pub(super) const RECORD: &str = "firmware/verified.toml";
 
-/// Files and folders that images and their measurement are made of; pages in them do not count.
+/// Files and folders that decide the images and their measurement, Markdown pages left out.
 const SOURCES: [&str; 8] = [
     "firmware",
     "examples/detector_firmware",
@@ -34,7 +34,7 @@ const CRC: Crc<u64> = Crc::<u64>::new(&CRC_64_XZ);
 pub(super) struct Verified {
     /// Checksum of sources, packages, features and profiles, hexadecimal.
     inputs: String,
-    /// As "rustc 1.95.0".
+    /// Version of the compiler, as "rustc 1.95.0".
     compiler: String,
 }
 
@@ -125,16 +125,16 @@ fn firmware(root: &Path) -> Result<Vec<String>> {
         .collect()
 }
 
-/// Versions and checksums of all that packages are built from, as a lock has them, by name.
+/// Versions and checksums, by name, of the roots and of their dependencies in a lock file.
 fn packages(lock: &toml::Table, roots: &[String]) -> BTreeMap<String, BTreeSet<String>> {
     let all = lock.get("package").and_then(toml::Value::as_array).map_or(&[][..], Vec::as_slice);
     let text = |package: &toml::Value, key: &str| {
         package.get(key).and_then(toml::Value::as_str).unwrap_or_default().to_owned()
     };
     let mut found: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-    let mut ahead: Vec<(String, Option<String>)> =
+    let mut pending: Vec<(String, Option<String>)> =
         roots.iter().map(|name| (name.clone(), None)).collect();
-    while let Some((name, version)) = ahead.pop() {
+    while let Some((name, version)) = pending.pop() {
         for package in all.iter().filter(|package| text(package, "name") == name) {
             let own = text(package, "version");
             if version.as_ref().is_some_and(|wanted| *wanted != own) {
@@ -142,11 +142,11 @@ fn packages(lock: &toml::Table, roots: &[String]) -> BTreeMap<String, BTreeSet<S
             }
             if found.entry(name.clone()).or_default().insert(own + " " + &text(package, "checksum"))
             {
-                let needs = package.get("dependencies").and_then(toml::Value::as_array);
-                let needs = needs.into_iter().flatten().filter_map(toml::Value::as_str);
-                ahead.extend(needs.map(|need| match need.split_once(' ') {
+                let deps = package.get("dependencies").and_then(toml::Value::as_array);
+                let deps = deps.into_iter().flatten().filter_map(toml::Value::as_str);
+                pending.extend(deps.map(|dep| match dep.split_once(' ') {
                     Some((name, version)) => (name.to_owned(), Some(version.to_owned())),
-                    None => (need.to_owned(), None),
+                    None => (dep.to_owned(), None),
                 }));
             }
         }
@@ -154,7 +154,7 @@ fn packages(lock: &toml::Table, roots: &[String]) -> BTreeMap<String, BTreeSet<S
     found
 }
 
-/// Settings in the workspace's manifest of these packages and of the images' profile.
+/// Parts of the workspace's manifest that these packages and the images' profile depend on.
 fn settings(manifest: &toml::Table, packages: &BTreeMap<String, BTreeSet<String>>) -> String {
     let workspace = manifest.get("workspace");
     let dependencies = workspace.and_then(|w| w.get("dependencies")?.as_table());
@@ -193,7 +193,7 @@ mod tests {
     "#;
 
     #[test]
-    fn packages_of_an_image_are_those_it_is_built_from_at_the_version_it_asks_for() {
+    fn packages_of_an_image_are_its_dependency_tree_at_the_locked_versions() {
         let found = packages(&LOCK.parse().unwrap(), &["image".to_owned()]);
         let versions = |name: &str| found[name].iter().cloned().collect::<Vec<_>>();
         assert_eq!(found.keys().collect::<Vec<_>>(), ["fixed", "image", "syn"]);

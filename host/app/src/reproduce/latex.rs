@@ -42,7 +42,7 @@ pub(super) fn latex(table: &Table) -> String {
 
 const LATEX_END: &str = "\\bottomrule\n\\end{tabular}\n";
 
-/// Rows, each figure with the one that it is compared with beside it, in grey.
+/// Rows: each figure, then its reference in grey.
 fn latex_beside(text: &mut String, head: &str, sheet: &Sheet<'_>) {
     let figures = "RTE [cm] & & RRE [$^\\circ$] & & Recall [\\%] &";
     let _ = write!(

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::super::choice::SensorChoice;
 use super::super::exit::Failure;
-use super::super::prepared::meet;
+use super::super::prepared::connect;
 use super::super::progress::Progress;
 use echoloop_closed_loop::config::{RunConfig, load};
 use echoloop_closed_loop::dataset::Dataset;
@@ -51,9 +51,9 @@ fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<(SeenPair, U
     let Some(dataset) = Dataset::held_out(&config, index)? else {
         return Err(Failure::usage(format_args!("there is no pair {index}")));
     };
-    let met = meet(config, &SensorChoice::in_process(), &Progress::new(true))?;
-    let hardware = met.hardware;
-    let prepared = met.with(dataset);
+    let preparation = connect(config, &SensorChoice::in_process(), &Progress::new(true))?;
+    let hardware = preparation.hardware;
+    let prepared = preparation.with(dataset);
     let noise = derive(prepared.config.seed, Purpose::TestNoise, index as u64);
     let pair = &prepared.dataset.test[0];
     // Scanned and registered with the noise of its evaluation.

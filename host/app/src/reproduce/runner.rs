@@ -1,4 +1,4 @@
-//! Runner of cells, one after the other: shared scans are traced once, shared starts evaluated
+//! Runs the cells in sequence. Scans that cells share are traced once, shared starts evaluated
 //! once.
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,7 +9,7 @@ use indicatif::HumanDuration;
 use super::super::choice::SensorChoice;
 use super::super::exit::Failure;
 use super::super::interrupt::INTERRUPTED;
-use super::super::prepared::{all_pairs, meet};
+use super::super::prepared::{all_pairs, connect};
 use super::super::progress::Progress;
 use super::super::report::write_page;
 use echoloop_closed_loop::config::RunConfig;
@@ -26,8 +26,8 @@ use echoloop_closed_loop::search::{Observer, Origin, TuneSearch};
 use echoloop_closed_loop::tuning::{Judged, result, write_run};
 use echoloop_study::{Base, Cell, Folder, Record, Times, Took, TrainedIn, configuration};
 
-/// Most returns of all scans kept; beyond it the oldest scans are dropped.
-const MOST_RETURNS: usize = 120_000_000;
+/// Greatest number of returns in the cache; beyond it the oldest scans are dropped.
+const MAX_RETURNS: usize = 120_000_000;
 
 /// Runner of the cells of a folder.
 pub(super) struct Runner<'a> {
@@ -35,13 +35,13 @@ pub(super) struct Runner<'a> {
     folder: &'a Folder,
     progress: &'a Progress,
     stop: &'a AtomicBool,
-    /// Traced pairs by the settings that they are traced from, oldest first.
-    kept: Vec<(String, Dataset)>,
+    /// Cache of traced pairs with their key, oldest first.
+    cache: Vec<(String, Dataset)>,
     times: Times,
 }
 
-/// Record of a finished cell, and the registrations of this process.
-type Done = (Record, usize);
+/// Record of a finished cell, and the number of registrations made by this process.
+type Finished = (Record, usize);
 
 impl<'a> Runner<'a> {
     /// Runner for a folder, with the durations recorded there.
@@ -52,17 +52,17 @@ impl<'a> Runner<'a> {
         stop: &'a AtomicBool,
     ) -> Result<Self, Failure> {
         let times = folder.times()?;
-        Ok(Self { base, folder, progress, stop, kept: Vec::new(), times })
+        Ok(Self { base, folder, progress, stop, cache: Vec::new(), times })
     }
 
-    /// Runs the unfinished cells. A failure is reported and kept; the other cells go on.
+    /// Runs the unfinished cells. A failure is reported and recorded; the other cells go on.
     pub(super) fn run(&mut self, cells: &[Cell]) -> Result<(), Failure> {
         let (mut left, mut done) = (Vec::new(), 0);
         for cell in cells {
             match self.folder.record(cell) {
                 Ok(Some(_)) => done += 1,
                 Ok(None) => left.push((*cell, self.registrations(cell))),
-                // A record of something else is neither used nor overwritten.
+                // An unusable record is kept, and its cell is not run.
                 Err(error) => self.progress.say(&format!("failed: {cell}: {error}")),
             }
         }
@@ -73,7 +73,7 @@ impl<'a> Runner<'a> {
                 return Err(self.interrupted(left.len() - number));
             }
             let place = format!("cell {} of {}", done + number + 1, cells.len());
-            self.run_one(&left[number..], &place)?;
+            self.run_first(&left[number..], &place)?;
         }
         if !left.is_empty() {
             self.progress.say(&format!(
@@ -86,15 +86,15 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// Runs the first of the cells left.
-    fn run_one(&mut self, left: &[(Cell, usize)], place: &str) -> Result<(), Failure> {
+    /// Runs the first of the cells left, and saves its record or the reason of its failure.
+    fn run_first(&mut self, left: &[(Cell, usize)], place: &str) -> Result<(), Failure> {
         let [(cell, registrations), ..] = left else { return Ok(()) };
         let rest = self.times.of(left);
         let rest = rest.map_or("time left not known yet".into(), |rest| {
             format!("about {} left", HumanDuration(rest))
         });
         self.progress.say(&format!("{place}: {cell}; {rest}"));
-        match self.done(cell, *registrations) {
+        match self.run_cell(cell, *registrations) {
             Ok((record, took)) => {
                 self.folder.save(&record)?;
                 self.times.add(took);
@@ -113,35 +113,35 @@ impl<'a> Runner<'a> {
         Failure::new(INTERRUPTED, what)
     }
 
-    /// Approximate registrations of a cell; 0 for one that cannot run, which fails at its turn.
+    /// Approximate number of registrations of a cell; 0 for one that will fail when it is run.
     fn registrations(&self, cell: &Cell) -> usize {
-        let met = self.met(cell);
-        met.map_or(0, |met| met.registrations() + met.config.data.test_pairs)
+        let preparation = self.preparation(cell);
+        preparation.map_or(0, |p| p.registrations() + p.config.data.test_pairs)
     }
 
-    fn met(&self, cell: &Cell) -> Result<Preparation, Failure> {
+    fn preparation(&self, cell: &Cell) -> Result<Preparation, Failure> {
         let config = cell.config(self.base).map_err(Failure::usage)?;
-        let met = meet(config, &SensorChoice::in_process(), &Progress::new(true))?;
-        Ok(if cell.is_searched() { met.for_a_search()? } else { met })
+        let preparation = connect(config, &SensorChoice::in_process(), &Progress::new(true))?;
+        Ok(if cell.is_searched() { preparation.for_a_search()? } else { preparation })
     }
 
-    /// Runs a cell: its record, and the duration after its scans are traced.
-    fn done(&mut self, cell: &Cell, registrations: usize) -> Result<(Record, Took), Failure> {
-        let met = self.met(cell)?;
-        let dataset = self.scans(cell, &met.config)?;
-        let prepared = met.with(dataset);
+    /// Runs a cell. Returns its record, and its duration without the tracing of scans.
+    fn run_cell(&mut self, cell: &Cell, registrations: usize) -> Result<(Record, Took), Failure> {
+        let preparation = self.preparation(cell)?;
+        let dataset = self.scans(cell, &preparation.config)?;
+        let prepared = preparation.with(dataset);
         let watch = Instant::now();
         self.progress.begin(&cell.file_name(), registrations as u64);
         let (record, registrations) = match cell.protocol {
-            Protocol::Default => self.judged(cell, &prepared)?,
-            _ => self.searched(cell, &prepared)?,
+            Protocol::Default => self.evaluate_start(cell, &prepared)?,
+            _ => self.run_search(cell, &prepared)?,
         };
         let seconds = watch.elapsed().as_secs_f64();
         Ok((record, Took { cell: *cell, seconds, registrations }))
     }
 
-    /// Evaluates the start.
-    fn judged(&self, cell: &Cell, prepared: &Prepared) -> Result<Done, Failure> {
+    /// Evaluates the start on the held-out pairs.
+    fn evaluate_start(&self, cell: &Cell, prepared: &Prepared) -> Result<Finished, Failure> {
         let search = prepared.search(self.stop);
         let summary = search.judge(&search.start, &Steps(self.progress))?;
         let made = summary.pairs;
@@ -149,13 +149,13 @@ impl<'a> Runner<'a> {
         Ok((record(cell, prepared, &search.start, origin, [0; 2], summary), made))
     }
 
-    /// Searches from the end of the journal, evaluates the choice, and writes the run's files as
-    /// `tune` does.
-    fn searched(&self, cell: &Cell, prepared: &Prepared) -> Result<Done, Failure> {
+    /// Resumes the search from its journal, evaluates the chosen parameters, and writes the run's
+    /// files as `tune` does.
+    fn run_search(&self, cell: &Cell, prepared: &Prepared) -> Result<Finished, Failure> {
         let run = RunFolder::at(&self.folder.run_of(cell), &prepared.config)?;
         let search = prepared.search(self.stop);
         let (path, header) = (run.file(HISTORY), search.header());
-        // Of a line that was cut off nothing is kept.
+        // With repair: a line that was cut off is dropped.
         let (mut journal, done) = match path.exists() {
             true => Journal::resume(&path, &header, true)?,
             false => (Journal::create(&path, &header)?, Vec::new()),
@@ -175,8 +175,8 @@ impl<'a> Runner<'a> {
         Ok((record(cell, prepared, &tuned.parameters, origin, searched, after), made))
     }
 
-    /// Summary of the start on the held-out pairs, from the record of the untuned cell if that is
-    /// the same.
+    /// Summary of the start on the held-out pairs, from the untuned cell's record if its parameters
+    /// and number of pairs are the same.
     fn start_of(&self, cell: &Cell, search: &TuneSearch<'_>) -> Result<Summary, Failure> {
         let values = search.start.values(search.config);
         let is_same = |record: &Record| {
@@ -189,7 +189,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Pairs of a cell; of one trained elsewhere the held-out pairs alone are its own.
+    /// Pairs of a cell. A cell trained elsewhere takes all but the held-out ones from there.
     fn scans(&mut self, cell: &Cell, config: &RunConfig) -> Result<Dataset, Failure> {
         let dataset = self.traced(config)?;
         match cell.trained_in(config) {
@@ -201,23 +201,23 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Pairs of a configuration, traced unless an earlier cell had the same.
+    /// Pairs of a configuration, traced unless they are in the cache.
     fn traced(&mut self, config: &RunConfig) -> Result<Dataset, Failure> {
-        let key = traced_from(config);
-        if let Some((_, dataset)) = self.kept.iter().find(|(kept, _)| *kept == key) {
+        let key = scan_key(config);
+        if let Some((_, dataset)) = self.cache.iter().find(|(other, _)| *other == key) {
             return Ok(dataset.clone());
         }
         let dataset = all_pairs(config, self.progress)?;
-        self.kept.push((key, dataset.clone()));
-        while self.kept.len() > 1 && returns(&self.kept) > MOST_RETURNS {
-            self.kept.remove(0);
+        self.cache.push((key, dataset.clone()));
+        while self.cache.len() > 1 && returns(&self.cache) > MAX_RETURNS {
+            self.cache.remove(0);
         }
         Ok(dataset)
     }
 }
 
-/// Settings that pairs are traced from: a configuration without sensor, registration and search.
-fn traced_from(config: &RunConfig) -> String {
+/// Cache key of traced pairs: the configuration without sensor, registration and search.
+fn scan_key(config: &RunConfig) -> String {
     let usual = RunConfig::default();
     let mut of_scans = RunConfig {
         seed: config.seed,
@@ -233,8 +233,8 @@ fn traced_from(config: &RunConfig) -> String {
     toml::to_string(&of_scans).unwrap_or_default()
 }
 
-fn returns(kept: &[(String, Dataset)]) -> usize {
-    kept.iter().flat_map(|(_, dataset)| dataset.views()).map(|view| view.returns.len()).sum()
+fn returns(cache: &[(String, Dataset)]) -> usize {
+    cache.iter().flat_map(|(_, dataset)| dataset.views()).map(|view| view.returns.len()).sum()
 }
 
 /// Record of parameters with their origin, and the generations and registrations of their search.
@@ -285,7 +285,7 @@ mod tests {
         let base = Base::paper(Vec::new());
         let cell = Cell::start(Preset::Outdoor, TableMethod::Fgr, Scene::Structured)
             .searched(Strategy::Paper, Protocol::Joint);
-        let key = |cell: Cell| traced_from(&cell.config(&base).unwrap());
+        let key = |cell: Cell| scan_key(&cell.config(&base).unwrap());
         let same = [
             Cell { ranges: Preset::Paper, ..cell },
             Cell { protocol: Protocol::Lidar, ..cell },

@@ -61,7 +61,7 @@ pub enum Against {
     Paired(Box<Figures<Difference>>),
     /// The held-out pairs differ.
     OtherPairs {
-        /// In what they differ.
+        /// First difference between the pairs.
         other_pairs: String,
     },
 }
@@ -125,7 +125,7 @@ fn other_pairs(run: &FinishedRun, first: &FinishedRun) -> Option<String> {
     if pairs(run) != pairs(first) {
         return Some("other pairs were judged".to_owned());
     }
-    // A mesh may have changed under its name. Without a readable journal the scenes count as equal.
+    // The mesh file may have changed. Without a readable journal the scenes count as equal.
     let scene = |run: &FinishedRun| run.journal().ok().map(|(header, _)| header.content.scene);
     let (own, theirs) = (scene(run)?, scene(first)?);
     (own != theirs).then(|| "the scene's file is another".to_owned())

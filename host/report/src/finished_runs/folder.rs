@@ -19,7 +19,7 @@ use echoloop_closed_loop::run_folder::run::{
 };
 
 /// Greatest size of a result, bytes.
-const MOST_RESULT: u64 = 64 << 20;
+const MAX_RESULT_BYTES: u64 = 64 << 20;
 
 /// Reason why a run cannot be read.
 #[derive(Debug, Error)]
@@ -39,11 +39,11 @@ pub enum RunError {
     File(String),
 }
 
-fn file_fault(path: &Path, what: impl Display) -> RunError {
+fn file_error(path: &Path, what: impl Display) -> RunError {
     RunError::File(format!("{}: {what}", path.display()))
 }
 
-fn fault(error: impl Display) -> RunError {
+fn run_error(error: impl Display) -> RunError {
     RunError::File(error.to_string())
 }
 
@@ -89,10 +89,10 @@ impl FinishedRun {
         let result = result(path)?;
         let config_path = path.join(CONFIG);
         let config_text =
-            read_text(&config_path, MOST_TEXT).map_err(|e| file_fault(&config_path, e))?;
+            read_text(&config_path, MOST_TEXT).map_err(|e| file_error(&config_path, e))?;
         let config = toml::from_str(&config_text)
-            .map_err(|error| file_fault(&config_path, one_line(&error.to_string())))?;
-        let about = About::read(path).map_err(fault)?;
+            .map_err(|error| file_error(&config_path, one_line(&error.to_string())))?;
+        let about = About::read(path).map_err(run_error)?;
         Ok(Self { path: path.to_owned(), config_text, config, about, result })
     }
 
@@ -102,10 +102,10 @@ impl FinishedRun {
     ///
     /// [`RunError::File`]; also when it is longer than the result says.
     pub fn journal(&self) -> Result<(Header, Vec<Generation>), RunError> {
-        let (header, generations) = Journal::read(&self.path.join(HISTORY)).map_err(fault)?;
+        let (header, generations) = Journal::read(&self.path.join(HISTORY)).map_err(run_error)?;
         match generations.len() == self.result.generations {
             true => Ok((header, generations)),
-            false => Err(file_fault(
+            false => Err(file_error(
                 &self.path,
                 format_args!(
                     "its journal is not as long as its {RESULT} says: it was extended and \
@@ -124,7 +124,7 @@ impl FinishedRun {
     pub fn background(&self) -> Result<&Background, RunError> {
         let background = self.result.background.as_ref();
         let background = background.ok_or_else(|| {
-            self.fault(
+            self.result_error(
                 "it keeps no background: an earlier version wrote it, and what its page needs is \
                  lost; `echoloop tune --config` with the run's config.toml makes it anew",
             )
@@ -132,7 +132,7 @@ impl FinishedRun {
         // An axis has two ends and not too many values for memory.
         let is_possible = |axis: &&AxisRecord| axis.min < axis.max && axis.max - axis.min < 1e9;
         match background.axes.iter().find(|axis| !is_possible(axis)) {
-            Some(AxisRecord { name, min, max, .. }) => Err(self.fault(format_args!(
+            Some(AxisRecord { name, min, max, .. }) => Err(self.result_error(format_args!(
                 "background.axes: {} goes from {min} to {max}",
                 one_line(name)
             ))),
@@ -140,9 +140,9 @@ impl FinishedRun {
         }
     }
 
-    /// Fault of the result.
-    pub(crate) fn fault(&self, what: impl Display) -> RunError {
-        file_fault(&self.path.join(RESULT), what)
+    /// Error that names the result's file.
+    pub(crate) fn result_error(&self, what: impl Display) -> RunError {
+        file_error(&self.path.join(RESULT), what)
     }
 
     /// Target and source of the shown pair, both in the target's frame: with the default, then with
@@ -164,21 +164,21 @@ impl FinishedRun {
 
 fn result(folder: &Path) -> Result<RunResult, RunError> {
     let path = folder.join(RESULT);
-    let text = read_text(&path, MOST_RESULT).map_err(|error| match error.kind() {
+    let text = read_text(&path, MAX_RESULT_BYTES).map_err(|error| match error.kind() {
         io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => {
             RunError::Unfinished { path: folder.to_owned() }
         }
-        _ => file_fault(&path, error),
+        _ => file_error(&path, error),
     })?;
-    let fail = |error: serde_json::Error| file_fault(&path, one_line(&error.to_string()));
+    let fail = |error: serde_json::Error| file_error(&path, one_line(&error.to_string()));
     let document: Value = serde_json::from_str(&text).map_err(fail)?;
     match document.get("format").and_then(Value::as_u64) {
         Some(RESULT_FORMAT) => serde_json::from_value(document).map_err(fail),
-        Some(other) => Err(file_fault(
+        Some(other) => Err(file_error(
             &path,
             format_args!("of format {other}, and this program reads format {RESULT_FORMAT} alone"),
         )),
-        None => Err(file_fault(&path, "no result of a run: it has no format")),
+        None => Err(file_error(&path, "no result of a run: it has no format")),
     }
 }
 
@@ -186,13 +186,13 @@ fn result(folder: &Path) -> Result<RunResult, RunError> {
 fn two_scans(path: &Path, points: [usize; 2]) -> Result<[Cloud; 2], RunError> {
     let (both, dropped) = match read_cloud(path) {
         Err(CloudError::Empty { dropped, .. }) => (Cloud::default(), dropped),
-        read => read.map_err(fault)?,
+        read => read.map_err(run_error)?,
     };
     let (found, expected) =
         (both.points.len() + dropped.total(), points[0].saturating_add(points[1]));
     if found != expected {
         let what = format!("holds {found} points, and {RESULT} says {expected}");
-        return Err(file_fault(path, what));
+        return Err(file_error(path, what));
     }
     let (target, source) = both.points.split_at(points[0].min(both.points.len()));
     Ok([target, source].map(|half| Cloud::new(half.to_vec())))

@@ -1,13 +1,13 @@
 //! Importance of each parameter, from the candidates of the search.
 //!
 //! A response surface is fitted to the candidates ([`super::surrogate`]). Importance is half of the
-//! growth of the squared error of candidates that a fit has not seen when the parameter's values
-//! are permuted among the candidates of their generation (permutation importance: Breiman, Machine
-//! Learning 45, 2001; on held-out folds: Fisher, Rudin and Dominici, JMLR 20, 2019). It is a share
-//! of the variation of ln fitness within generations, over the generations that moved the
-//! parameter: half, since for independent parameters that is the total index of Sobol (Wei, Lu and
-//! Song, Reliab. Eng. Syst. Saf. 142, 2015). Its interval is a bootstrap over generations, whose
-//! candidates share their pairs and so their luck.
+//! increase in the squared error of held-out candidates when the parameter's values are permuted
+//! within their generation (permutation importance: Breiman, Machine Learning 45, 2001; on held-out
+//! folds: Fisher, Rudin and Dominici, JMLR 20, 2019). It is a share of the variation of ln fitness
+//! within generations, over the generations that moved the parameter: half, since for independent
+//! parameters that is the total index of Sobol (Wei, Lu and Song, Reliab. Eng. Syst. Saf. 142,
+//! 2015). Its interval is a bootstrap over generations, whose candidates share their pairs and so
+//! their luck.
 //!
 //! It holds where the search looked: importance far from there does not show.
 
@@ -27,21 +27,21 @@ use echoloop_statistics::bootstrap;
 const PERMUTATIONS: u64 = 8;
 
 /// Least number of generations for an interval.
-const FEWEST_GENERATIONS: usize = 10;
+const MIN_GENERATIONS: usize = 10;
 
 /// Least number of candidates for each axis.
-const FEWEST_AN_AXIS: usize = 5;
+const MIN_AN_AXIS: usize = 5;
 
 /// Greatest number of slices.
-const MOST_SLICES: usize = 6;
+const MAX_SLICES: usize = 6;
 
 /// Points of a slice's curve.
 const CURVE: usize = 41;
 
 /// Greatest number of dots of a slice.
-const MOST_DOTS: usize = 150;
+const MAX_DOTS: usize = 150;
 
-/// "deal" as a number: keeps these draws apart from those of other uses.
+/// "deal" in ASCII: keeps this random stream apart from others.
 const PURPOSE: u64 = 0x6465_616c;
 
 /// Importance of the axes of a journal, with slices through the chosen values.
@@ -56,46 +56,46 @@ pub(crate) fn measured(
 ) -> Result<Importance, String> {
     let samples = samples(generations, axes);
     let groups = samples.last().map_or(0, |last| last.group + 1);
-    if groups < FEWEST_GENERATIONS || samples.len() < FEWEST_AN_AXIS * axes.len() {
+    if groups < MIN_GENERATIONS || samples.len() < MIN_AN_AXIS * axes.len() {
         return Err(format!(
             "{} candidates in {groups} generations are too few to say which of {} parameters \
-             matter: it takes {FEWEST_AN_AXIS} candidates for each and {FEWEST_GENERATIONS} \
+             matter: it takes {MIN_AN_AXIS} candidates for each and {MIN_GENERATIONS} \
              generations.",
             samples.len(),
             axes.len()
         ));
     }
     let surrogate = Surrogate::new(axes.iter().map(kind).collect(), &samples);
-    let predicted = predicted(&surrogate);
-    if predicted.interval[0] <= 0.0 || predicted.interval[0].is_nan() {
+    let r2 = held_out_r2(&surrogate);
+    if r2.interval[0] <= 0.0 || r2.interval[0].is_nan() {
         return Err(format!(
             "A response surface fitted to {} candidates predicts those that it has not seen no \
              better than their generation’s mean does (R² {:.2}, 95\u{a0}% interval {:.2} to \
              {:.2}): nothing can be said about single parameters.",
             samples.len(),
-            predicted.value,
-            predicted.interval[0],
-            predicted.interval[1]
+            r2.value,
+            r2.interval[0],
+            r2.interval[1]
         ));
     }
-    let study = Study { samples: &samples, axes, surrogate };
+    let fitted = Fitted { samples: &samples, axes, surrogate };
     let bar = |axis: usize| {
-        Some((axis, Bar { name: axes[axis].name.clone(), share: study.share(axis)? }))
+        Some((axis, Bar { name: axes[axis].name.clone(), share: fitted.share(axis)? }))
     };
     let mut bars: Vec<(usize, Bar)> = (0..axes.len()).filter_map(bar).collect();
     bars.sort_by(|(_, a), (_, b)| b.share.value.total_cmp(&a.share.value));
-    let significant = bars.iter().filter(|(_, bar)| bar.is_shown()).take(MOST_SLICES);
+    let significant = bars.iter().filter(|(_, bar)| bar.is_shown()).take(MAX_SLICES);
     Ok(Importance {
-        verdict: verdict(samples.len(), groups, predicted, axes.len() - bars.len()),
-        slices: significant.map(|(axis, _)| study.slice(*axis, chosen)).collect(),
+        verdict: verdict(samples.len(), groups, r2, axes.len() - bars.len()),
+        slices: significant.map(|(axis, _)| fitted.slice(*axis, chosen)).collect(),
         bars: bars.into_iter().map(|(_, bar)| bar).collect(),
         chosen: Vec::new(),
     })
 }
 
 /// `left_out` is the number of parameters without a bar.
-fn verdict(candidates: usize, generations: usize, predicted: Estimate, left_out: usize) -> String {
-    let [low, high] = predicted.interval.map(|end| 100.0 * end);
+fn verdict(candidates: usize, generations: usize, r2: Estimate, left_out: usize) -> String {
+    let [low, high] = r2.interval.map(|end| 100.0 * end);
     let left_out = match left_out {
         0 => String::new(),
         1 => " One parameter moved in too few generations to be told.".to_owned(),
@@ -109,7 +109,7 @@ fn verdict(candidates: usize, generations: usize, predicted: Estimate, left_out:
          predictions grows by when its values are dealt anew among the candidates of a generation \
          (Breiman 2001; Wei, Lu and Song 2015), with a bootstrap over generations. Blue: more than \
          chance. It holds where the search looked, not for the whole range.{left_out}",
-        100.0 * predicted.value
+        100.0 * r2.value
     )
 }
 
@@ -125,16 +125,16 @@ fn samples(generations: &[Generation], axes: &[AxisRecord]) -> Vec<Sample> {
     let mut samples = Vec::new();
     let mut group = 0;
     for generation in generations {
-        let known = generation.candidates.iter().filter(|candidate| {
+        let usable = generation.candidates.iter().filter(|candidate| {
             candidate.fitness.is_finite()
                 && candidate.fitness > 0.0
                 && candidate.point.len() == axes.len()
         });
-        let known: Vec<_> = known.collect();
-        if known.len() < 2 {
+        let usable: Vec<_> = usable.collect();
+        if usable.len() < 2 {
             continue;
         }
-        samples.extend(known.iter().map(|candidate| {
+        samples.extend(usable.iter().map(|candidate| {
             let repaired = point(&candidate.values, axes).into_iter().zip(&candidate.point);
             let point = repaired.map(|(u, drawn)| if u.is_nan() { *drawn } else { u }).collect();
             Sample { point, response: libm::log(candidate.fitness), group }
@@ -152,15 +152,15 @@ fn point(values: &Values, axes: &[AxisRecord]) -> Vec<f64> {
     axes.iter().map(coordinate).collect()
 }
 
-/// R² of unseen candidates, with a bootstrap over generations.
-fn predicted(surrogate: &Surrogate) -> Estimate {
+/// R² of held-out candidates, with a bootstrap over generations.
+fn held_out_r2(surrogate: &Surrogate) -> Estimate {
     let sums: Vec<[f64; 2]> = surrogate
         .groups
         .iter()
         .map(|group| {
             let squares = |values: &[f64]| values[group.clone()].iter().map(|v| v * v).sum::<f64>();
             let all = squares(&surrogate.responses);
-            [all - squares(&surrogate.unseen), all]
+            [all - squares(&surrogate.held_out), all]
         })
         .collect();
     share(&sums)
@@ -176,13 +176,13 @@ fn share(sums: &[[f64; 2]]) -> Estimate {
     Estimate { value: ratio(&all), interval: bootstrap(sums.len(), &ratio) }
 }
 
-struct Study<'a> {
+struct Fitted<'a> {
     samples: &'a [Sample],
     axes: &'a [AxisRecord],
     surrogate: Surrogate,
 }
 
-impl Study<'_> {
+impl Fitted<'_> {
     /// Indices of the generations that moved an axis.
     fn moved(&self, axis: usize) -> Vec<usize> {
         let groups = self.surrogate.groups.iter().enumerate();
@@ -196,28 +196,28 @@ impl Study<'_> {
     /// Importance of an axis; `None` where too few generations moved it.
     fn share(&self, axis: usize) -> Option<Estimate> {
         let moved = self.moved(axis);
-        if moved.len() < FEWEST_GENERATIONS {
+        if moved.len() < MIN_GENERATIONS {
             return None;
         }
-        let sums: Vec<[f64; 2]> = moved.iter().map(|&number| self.loss(axis, number)).collect();
+        let sums: Vec<[f64; 2]> = moved.iter().map(|&number| self.increase(axis, number)).collect();
         Some(share(&sums))
     }
 
-    /// Half of the growth of a generation's squared error, in the mean of all permutations, and its
-    /// sum of squares.
-    fn loss(&self, axis: usize, number: usize) -> [f64; 2] {
+    /// Half of the increase of a generation's squared error, averaged over the permutations, and
+    /// its sum of squared responses.
+    fn increase(&self, axis: usize, number: usize) -> [f64; 2] {
         let group = self.surrogate.groups[number].clone();
         let own = &self.samples[group.clone()];
         let whole = 0..group.len();
-        let weights = self.surrogate.blind_to(number);
+        let weights = self.surrogate.weights_without(number);
         let part = |points: &[Vec<f64>]| {
             let parts: Vec<f64> =
                 points.iter().map(|p| self.surrogate.basis.part(weights, axis, p)).collect();
             centred(&parts, std::slice::from_ref(&whole))
         };
         let before = part(&own.iter().map(|sample| sample.point.clone()).collect::<Vec<_>>());
-        let errors = &self.surrogate.unseen[group.clone()];
-        let mut growth = 0.0;
+        let errors = &self.surrogate.held_out[group.clone()];
+        let mut increase = 0.0;
         for permutation in 0..PERMUTATIONS {
             let mut random =
                 Generator::from_key([permutation, number as u64, axis as u64, PURPOSE]);
@@ -230,10 +230,10 @@ impl Study<'_> {
             });
             let after = part(&permuted.collect::<Vec<_>>());
             let each = errors.iter().zip(before.iter().zip(&after));
-            growth += each.map(|(e, (b, a))| (e + b - a) * (e + b - a) - e * e).sum::<f64>();
+            increase += each.map(|(e, (b, a))| (e + b - a) * (e + b - a) - e * e).sum::<f64>();
         }
         let squares = self.surrogate.responses[group].iter().map(|y| y * y).sum();
-        [growth / (2 * PERMUTATIONS) as f64, squares]
+        [increase / (2 * PERMUTATIONS) as f64, squares]
     }
 
     /// The surface along an axis, all others as chosen.
@@ -252,7 +252,7 @@ impl Study<'_> {
         let part = |point: &[f64]| basis.part(&whole.weights, number, point);
         let base = part(&chosen);
         let scatter = self.surrogate.scatter();
-        let points = places(axis.cells()).into_iter().map(|u| {
+        let points = coordinates(axis.cells()).into_iter().map(|u| {
             let point = with(u);
             let step = part(&point) - base;
             let spread = 1.96 * whole.spread(basis, number, [&point, &chosen], scatter);
@@ -260,10 +260,10 @@ impl Study<'_> {
             SlicePoint { at: axis.from_cube(u), ratio: libm::exp(step), band }
         });
         let moved: Vec<usize> = self.moved(number);
-        let shown: Vec<usize> =
+        let drawn: Vec<usize> =
             moved.iter().flat_map(|&group| self.surrogate.groups[group].clone()).collect();
-        let every = shown.len().div_ceil(MOST_DOTS).max(1);
-        let dots = shown.iter().step_by(every).map(|&i| {
+        let stride = drawn.len().div_ceil(MAX_DOTS).max(1);
+        let dots = drawn.iter().step_by(stride).map(|&i| {
             let u = self.samples[i].point[number];
             let step = part(&with(u)) - base + self.surrogate.residuals[i];
             [axis.from_cube(u), libm::exp(step)]
@@ -277,8 +277,8 @@ impl Study<'_> {
     }
 }
 
-/// Coordinates along an axis, or the middle of each cell where those are few.
-fn places(cells: Option<usize>) -> Vec<f64> {
+/// Coordinates of a slice's curve: the middle of each cell where cells are few, else even steps.
+fn coordinates(cells: Option<usize>) -> Vec<f64> {
     match cells {
         Some(count) if count <= CURVE => {
             (0..count).map(|i| (i as f64 + 0.5) / count as f64).collect()
@@ -377,7 +377,7 @@ mod tests {
         let truth = libm::exp(4.0 * 0.49);
         let [low, high] = there.band;
         assert!(low < truth && truth < high, "{truth}: {}", there.ratio);
-        assert!(dots.len() > 100 && dots.len() <= MOST_DOTS);
+        assert!(dots.len() > 100 && dots.len() <= MAX_DOTS);
     }
 
     #[test]

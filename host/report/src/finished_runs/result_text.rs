@@ -49,7 +49,7 @@ fn parameters(result: &RunResult, space: &Space) -> String {
     let rows: Vec<[String; 2]> = (space.axes().iter())
         .map(|axis| {
             [&result.default, &result.tuned]
-                .map(|values| shown(axis.name, effective(values, axis.name)))
+                .map(|values| printable(axis.name, effective(values, axis.name)))
         })
         .collect();
     let wide = rows.iter().flatten().map(|cell| cell.chars().count()).max().unwrap_or(0).max(12);
@@ -63,7 +63,7 @@ fn parameters(result: &RunResult, space: &Space) -> String {
     std::iter::once(head).chain(lines).collect::<Vec<_>>().join("\n")
 }
 
-/// Costs of a scan before and after, and the verdict; of unknown costs blank lines.
+/// Costs of a scan before and after, and the verdict; blank lines for unknown costs.
 fn costs_text(costs: &Costs) -> String {
     let line = |name: &str, cells: &[&str]| {
         let cells: String = cells.iter().map(|cell| format!(" {cell:>24}")).collect();
@@ -113,7 +113,7 @@ fn mark_line(name: &str, [cost, error, interval, recall, e_t]: [String; 5], last
 }
 
 /// A value: a choice by name, a number so that it reads back as itself.
-fn shown(name: &str, value: Option<f64>) -> String {
+fn printable(name: &str, value: Option<f64>) -> String {
     let Some(value) = value else { return "–".into() };
     choice(name, value).map_or_else(|| value.to_string(), str::to_owned)
 }

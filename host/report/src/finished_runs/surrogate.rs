@@ -7,9 +7,9 @@
 //! P are Legendre's polynomials of the unit cube's coordinates u, orthonormal there (a polynomial
 //! chaos of second order: Sudret, Reliab. Eng. Syst. Saf. 93, 2008). A choice has a coefficient for
 //! each name in place of the polynomials. Each generation g has its own level b_g, since its pairs
-//! are harder or easier than those of others; that is the same as centring every column and
-//! ln fitness within each generation. Coefficients are shrunk (ridge: Hoerl and Kennard,
-//! Technometrics 12, 1970) by the penalty that best predicts generations that a fit has not seen.
+//! are harder or easier than those of others; that is the same as centring every column and ln
+//! fitness within each generation. Coefficients are shrunk (ridge: Hoerl and Kennard, Technometrics
+//! 12, 1970) by the penalty that best predicts held-out generations.
 //!
 //! All sums, nalgebra's as well, are plain loops of `f64`: the same bits on every processor.
 
@@ -175,8 +175,8 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// Ridge regression. The penalty counts once a row, so that it means the same for few and for
-    /// many.
+    /// Ridge regression. The penalty is multiplied by the number of rows, so that it means the same
+    /// for few and for many.
     fn new(sums: &Sums, penalty: f64) -> Self {
         let mut squares = sums.squares.clone();
         let ridge = penalty * sums.count as f64;
@@ -204,15 +204,15 @@ impl Fit {
     }
 }
 
-/// A fitted surface, with its predictions of candidates that a fit has not seen.
+/// A fitted surface, with its residuals for held-out candidates.
 pub(super) struct Surrogate {
     pub(super) basis: Basis,
     /// Indices of each generation's candidates.
     pub(super) groups: Vec<Range<usize>>,
     /// ln fitness minus its generation's mean.
     pub(super) responses: Vec<f64>,
-    /// Residuals of the fit without the candidate's fold.
-    pub(super) unseen: Vec<f64>,
+    /// Held-out residuals: of the fit without the candidate's fold.
+    pub(super) held_out: Vec<f64>,
     /// Residuals of the fit of all.
     pub(super) residuals: Vec<f64>,
     /// Fit of all candidates.
@@ -258,28 +258,28 @@ impl Surrogate {
             each.map(|(i, fold)| responses[i] - dot(&rows[i], &weights[fold])).collect()
         };
         let error = |penalty: f64| {
-            let unseen = residuals(&|fold| Fit::new(&without[fold], penalty).weights);
-            unseen.iter().map(|e| e * e).sum::<f64>()
+            let held_out = residuals(&|fold| Fit::new(&without[fold], penalty).weights);
+            held_out.iter().map(|e| e * e).sum::<f64>()
         };
         let errors: Vec<f64> = PENALTIES.iter().map(|&penalty| error(penalty)).collect();
         let best = (0..PENALTIES.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b]));
         let penalty = best.map_or(1.0, |best| PENALTIES[best]);
         let folds: Vec<Fit> = without.iter().map(|sums| Fit::new(sums, penalty)).collect();
-        let unseen = residuals(&|fold| folds[fold].weights.clone());
+        let held_out = residuals(&|fold| folds[fold].weights.clone());
         let whole = Fit::new(&others(None), penalty);
         let residuals = residuals(&|_| whole.weights.clone());
-        Self { basis, groups, responses, unseen, residuals, whole, folds }
+        Self { basis, groups, responses, held_out, residuals, whole, folds }
     }
 
-    /// Coefficients of the fit that has not seen a group.
-    pub(super) fn blind_to(&self, group: usize) -> &[f64] {
+    /// Coefficients of the fit without a group's fold.
+    pub(super) fn weights_without(&self, group: usize) -> &[f64] {
         &self.folds[group % FOLDS].weights
     }
 
-    /// Standard deviation of single, unseen candidates around the surface.
+    /// Standard deviation of single, held-out candidates around the surface.
     pub(super) fn scatter(&self) -> f64 {
-        let free = self.unseen.len().saturating_sub(self.groups.len()).max(1);
-        (self.unseen.iter().map(|e| e * e).sum::<f64>() / free as f64).sqrt()
+        let free = self.held_out.len().saturating_sub(self.groups.len()).max(1);
+        (self.held_out.iter().map(|e| e * e).sum::<f64>() / free as f64).sqrt()
     }
 }
 
@@ -338,23 +338,23 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_of_second_order_is_found_under_any_levels_of_the_generations() {
+    fn a_second_order_surface_is_recovered_whatever_the_generations_levels() {
         let samples = samples(quadratic, 0.0, 40);
         let surrogate = Surrogate::new(KINDS.to_vec(), &samples);
-        let worst = surrogate.unseen.iter().fold(0.0_f64, |worst, e| worst.max(e.abs()));
+        let worst = surrogate.held_out.iter().fold(0.0_f64, |worst, e| worst.max(e.abs()));
         assert!(worst < 0.02, "{worst}");
         let (from, mut to) = ([0.5, 0.6, 0.2, 0.1], [0.5, 0.6, 0.2, 0.1]);
         for (axis, value) in [(0, 0.9), (1, 0.1), (2, 0.9), (3, 0.5), (3, 0.9)] {
             to[axis] = value;
             let part = |point| surrogate.basis.part(&surrogate.whole.weights, axis, point);
-            let (fitted, is) = (part(&to) - part(&from), quadratic(&to) - quadratic(&from));
-            assert!((fitted - is).abs() < 0.02, "axis {axis}: {fitted} for {is}");
+            let (fitted, truth) = (part(&to) - part(&from), quadratic(&to) - quadratic(&from));
+            assert!((fitted - truth).abs() < 0.02, "axis {axis}: {fitted}, not {truth}");
             to = from;
         }
     }
 
     #[test]
-    fn the_spread_of_a_step_holds_the_truth_about_as_often_as_it_says() {
+    fn the_interval_of_a_step_holds_the_truth_in_about_95_percent_of_fits() {
         let (mut missed, mut all) = (0, 0);
         for seed in 0..40 {
             let mut random = Generator::new(100 + seed, 0);
@@ -369,7 +369,7 @@ mod tests {
             missed += u32::from(error.abs() > 1.96 * spread);
             all += 1;
         }
-        assert!(missed <= 7, "{missed} of {all} miss, 5 % should");
+        assert!(missed <= 7, "{missed} of {all} miss, expected 5 %");
     }
 
     #[test]
@@ -377,7 +377,7 @@ mod tests {
         let noise = samples(|_| 0.0, 1.0, 40);
         let surrogate = Surrogate::new(KINDS.to_vec(), &noise);
         let squares = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>();
-        let left = squares(&surrogate.unseen) / squares(&surrogate.responses);
-        assert!((0.95..1.1).contains(&left), "{left}");
+        let ratio = squares(&surrogate.held_out) / squares(&surrogate.responses);
+        assert!((0.95..1.1).contains(&ratio), "{ratio}");
     }
 }

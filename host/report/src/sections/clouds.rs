@@ -12,7 +12,7 @@ use crate::format::{base64, escape, fixed, with_unit};
 use crate::packed::code;
 
 /// Greatest number of points of one cloud on the page.
-const MOST_POINTS: usize = 40_000;
+const MAX_POINTS: usize = 40_000;
 
 /// A box in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,7 +24,7 @@ struct Bounds {
 /// The viewer with its data: the held-out pair that the default did worst on, target and source in
 /// the target's frame.
 pub(super) fn section(report: &Report) -> String {
-    let layers = report.clouds.as_flattened().iter().map(shown).collect::<Vec<_>>();
+    let layers = report.clouds.as_flattened().iter().map(thinned).collect::<Vec<_>>();
     let view = view(&layers);
     let data: String = layers.iter().map(|layer| layer_data(layer, &view)).collect();
     let result = &report.run.result;
@@ -81,12 +81,12 @@ fn panel(id: &str, title: &str, error: Option<&PairError>) -> String {
     )
 }
 
-/// The finite points, thinned evenly to [`MOST_POINTS`].
-fn shown(cloud: &Cloud) -> Vec<[f32; 3]> {
+/// The finite points, thinned evenly to [`MAX_POINTS`].
+fn thinned(cloud: &Cloud) -> Vec<[f32; 3]> {
     let points = cloud.points.iter().map(|point| point.coords.into());
     let finite: Vec<[f32; 3]> =
         points.filter(|point: &[f32; 3]| point.iter().all(|c| c.is_finite())).collect();
-    let count = finite.len().min(MOST_POINTS);
+    let count = finite.len().min(MAX_POINTS);
     (0..count).map(|i| finite[i * finite.len() / count]).collect()
 }
 
@@ -175,9 +175,9 @@ mod tests {
         let mut points: Vec<Point3<f32>> =
             (0..100_000).map(|i| Point3::new(i as f32, 0.0, 0.0)).collect();
         points[0].x = f32::NAN;
-        let shown = shown(&Cloud::new(points));
-        assert_eq!(shown.len(), MOST_POINTS);
-        assert_eq!(shown[0][0], 1.0);
-        assert!(shown.windows(2).all(|w| (2.0..=3.0).contains(&(w[1][0] - w[0][0]))));
+        let points = thinned(&Cloud::new(points));
+        assert_eq!(points.len(), MAX_POINTS);
+        assert_eq!(points[0][0], 1.0);
+        assert!(points.windows(2).all(|w| (2.0..=3.0).contains(&(w[1][0] - w[0][0]))));
     }
 }

@@ -14,10 +14,10 @@ use crate::theme::ink;
 const CELL: f64 = 34.0;
 
 /// Least correlation that is drawn with its number.
-const WORTH_A_NUMBER: f64 = 0.15;
+const MIN_NUMBERED: f64 = 0.15;
 
 /// Least strength of colour of a significant correlation.
-const FAINTEST: f64 = 0.2;
+const MIN_STRENGTH: f64 = 0.2;
 
 /// Refuses correlations that are not square, one row and column for each name.
 pub(super) fn check(background: &Background) -> Result<(), String> {
@@ -146,7 +146,7 @@ impl Moved {
         triangle(&short_names(&self.names), &self.matrix, caption, Some(self))
     }
 
-    /// Number of correlations that are not greyed, and of all.
+    /// Number of significant correlations, and of all.
     pub fn learned(&self) -> [usize; 2] {
         let learned = pairs(&self.matrix).filter(|(_, _, r)| self.is_learned(*r));
         [learned.count(), pairs(&self.matrix).count()]
@@ -156,7 +156,7 @@ impl Moved {
         r.abs() > self.chance
     }
 
-    /// Lines between the sensor's parameters and registration's.
+    /// Draws lines between the sensor's parameters and registration's.
     fn divide(&self, canvas: &Canvas<'_>, corner: &dyn Fn(usize, usize) -> Px) -> Drawn {
         let (sensor, all) = (self.of_sensor, self.names.len());
         if sensor == 0 || sensor >= all {
@@ -179,7 +179,7 @@ fn triangle(
     let Layout { left, top, size } = Layout::new(names);
     let label = format!("Heat map of the correlations between {} parameters.", names.len());
     let corner = |column: usize, row: usize| [left + column as f64 * CELL, top + row as f64 * CELL];
-    let least = if moved.is_some() { FAINTEST } else { 0.0 };
+    let least = if moved.is_some() { MIN_STRENGTH } else { 0.0 };
     let svg = drawing(caption, size, &label, |canvas| {
         for (row, column, r) in pairs(matrix) {
             let [x, y] = corner(column, row - 1);
@@ -214,14 +214,14 @@ fn square([x, y]: Px) -> [Px; 2] {
     [[x, y], [x + CELL - 2.0, y + CELL - 2.0]]
 }
 
-/// A cell no fainter than `least`, which keeps it apart from a grey one.
+/// Draws a cell no fainter than `least`, so that it differs from a grey one.
 fn cell(canvas: &Canvas<'_>, [x, y]: Px, r: f64, least: f64) -> Drawn {
     let strength = if r.is_finite() { r.abs().clamp(least, 1.0) } else { 0.0 };
     canvas.block("cell", square([x, y]))?;
     let colour =
         ink(if r > 0.0 { "plus" } else { "minus" }).mix((strength * 100.0).round() / 100.0);
     canvas.area.draw(&Rectangle::new(square([x, y]).map(at), colour.filled()))?;
-    if strength < WORTH_A_NUMBER {
+    if strength < MIN_NUMBERED {
         return Ok(());
     }
     let class = if strength > 0.6 { "value strong" } else { "value" };

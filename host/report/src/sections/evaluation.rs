@@ -74,7 +74,7 @@ pub fn judged(result: &RunResult) -> impl Iterator<Item = (RowKind, String, &Sum
 }
 
 /// Columns of the headline: recall and both means.
-fn named() -> std::slice::Iter<'static, Column> {
+fn headline_columns() -> std::slice::Iter<'static, Column> {
     COLUMNS[..3].iter()
 }
 
@@ -101,7 +101,7 @@ pub(super) fn headline(table: &EvaluationTable, parameters: usize, generations: 
         0 => String::new(),
         count => format!(" over {count} generations"),
     };
-    let moves: Vec<String> = named().map(|column| moved(column, default, tuned)).collect();
+    let changes: Vec<String> = headline_columns().map(|c| change_text(c, default, tuned)).collect();
     let tile = |column: &Column| {
         format!(
             "<div class=\"tile\"><p class=\"what\">{}, {}</p><p class=\"big\"><s>{}</s> \
@@ -116,15 +116,15 @@ pub(super) fn headline(table: &EvaluationTable, parameters: usize, generations: 
     format!(
         "<p class=\"headline\">{parameters}{generations}: {}, on {} held-out pairs.</p>{}\
          <div class=\"tiles\">{}</div>\n",
-        moves.join(", "),
+        changes.join(", "),
         tuned.pairs,
         verdict(tuned),
-        named().map(tile).collect::<String>()
+        headline_columns().map(tile).collect::<String>()
     )
 }
 
 /// `recall 87.5 % (73.9 to 94.5) → 100.0 % (91.2 to 100.0)`.
-fn moved(column: &Column, default: &EvaluationRow, tuned: &EvaluationRow) -> String {
+fn change_text(column: &Column, default: &EvaluationRow, tuned: &EvaluationRow) -> String {
     let [(was, before), (is, after)] = [default, tuned].map(|row| {
         let within = column.interval(&row.figures);
         let within = within.map_or_else(String::new, |ends| format!(" <small>({ends})</small>"));
@@ -138,7 +138,7 @@ fn verdict(tuned: &EvaluationRow) -> String {
     if tuned.gain.is_none() {
         return String::new();
     }
-    let those = |verdict: Verdict| {
+    let names = |verdict: Verdict| {
         let of = move |column: &Column| {
             let gain = tuned.gain(column).filter(|gain| column.verdict(gain) == verdict)?;
             let name = column.head.to_lowercase();
@@ -147,9 +147,9 @@ fn verdict(tuned: &EvaluationRow) -> String {
                 _ => format!("{name} {}", column.change(&gain)),
             })
         };
-        named().filter_map(of).collect::<Vec<String>>()
+        headline_columns().filter_map(of).collect::<Vec<String>>()
     };
-    let [better, worse, same] = [Verdict::Better, Verdict::Worse, Verdict::NotShown].map(those);
+    let [better, worse, same] = [Verdict::Better, Verdict::Worse, Verdict::NotShown].map(names);
     let mut sentences = Vec::new();
     if better.is_empty() && worse.is_empty() {
         sentences.push("<strong>Nothing was proven.</strong>".to_owned());

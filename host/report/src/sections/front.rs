@@ -10,7 +10,7 @@ use crate::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
 const SIZE: Px = [880.0, 360.0];
 
 /// Lower bound of the cost axis, in J, s, bits or instructions: no scan costs less.
-const LEAST_COST: f64 = 1e-12;
+const MIN_COST: f64 = 1e-12;
 
 const KEYS: [Key<'static>; 3] = [
     ("held-out", Sample::Dot, "point of the front"),
@@ -56,7 +56,7 @@ fn cost_text(front: &Front, mark: &Mark) -> String {
 
 fn plot(front: &Front) -> String {
     let cost = |mark: &Mark| front.cost.of(&mark.cost);
-    let x = Axis::log_around(marks(front).map(cost), LEAST_COST);
+    let x = Axis::log_around(marks(front).map(cost), MIN_COST);
     let ends = marks(front).flat_map(|mark| [mark.error, mark.interval[0], mark.interval[1]]);
     let y = Axis::around(ends);
     let y_title = format!("error, mean ‖T − T*‖_F{}", if y.is_log() { ", log axis" } else { "" });

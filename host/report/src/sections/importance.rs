@@ -125,8 +125,8 @@ fn bars(bars: &[Bar]) -> String {
     let left = 14.0 + 7.2 * letters as f64;
     let size = [left + BARS + 60.0, LINE * bars.len() as f64 + 6.0];
     let ends = bars.iter().flat_map(|bar| [bar.share.value, bar.share.interval[1]]);
-    let most = ends.filter(|end| end.is_finite()).fold(1e-9, f64::max);
-    let across = |value: f64| left + BARS * value.clamp(0.0, most) / most;
+    let max = ends.filter(|end| end.is_finite()).fold(1e-9, f64::max);
+    let across = |value: f64| left + BARS * value.clamp(0.0, max) / max;
     let label = format!("Importance of {} parameters, the most important first.", bars.len());
     let title = "Importance of the parameters, % of the variation";
     let caption = Caption { name: "importance", title, keys: &BAR_KEYS };
@@ -198,7 +198,7 @@ fn slice(slice: &Slice) -> String {
     format!("<figure class=\"trace\"><figcaption><b>{name}</b></figcaption>{plot}</figure>")
 }
 
-/// Name and unit; of a choice its values and their names.
+/// Name and unit; for a choice, its values and their names.
 fn x_title(AxisRecord { name, unit, scale, .. }: &AxisRecord) -> String {
     let names = choices(name);
     if names.is_empty() {

@@ -58,7 +58,7 @@ impl Report {
     pub fn of(run: FinishedRun) -> Result<Self, RunError> {
         let (_, generations) = run.journal()?;
         let background = run.background()?.clone();
-        correlation::check(&background).map_err(|what| run.fault(what))?;
+        correlation::check(&background).map_err(|what| run.result_error(what))?;
         Ok(Self {
             table: EvaluationTable::of_run(&run.result, &run.config.data),
             importance: Importance::of_run(&background, &run.result, &generations),

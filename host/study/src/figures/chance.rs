@@ -17,10 +17,10 @@ const QUANTILE: f64 = 0.95;
 const PURPOSE: u64 = 0x6e75_6c6c;
 
 /// Most generations: with more, the correlations grow no stronger.
-const MOST_GENERATIONS: u32 = 1000;
+const MAX_GENERATIONS: u32 = 1000;
 
 /// Bound on the candidates of a generation.
-const MOST_CANDIDATES: usize = 2000;
+const MAX_CANDIDATES: usize = 2000;
 
 /// Settings of a search, without its errors.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,7 +57,7 @@ fn quantile(search: &BlindSearch) -> f64 {
 
 /// Correlations of one such search, without choices, which are drawn independently.
 fn strengths(search: &BlindSearch, seed: u64) -> Option<Vec<f64>> {
-    if search.population > MOST_CANDIDATES {
+    if search.population > MAX_CANDIDATES {
         return None;
     }
     let mut config = CmaEsConfig::unit_cube(
@@ -67,7 +67,7 @@ fn strengths(search: &BlindSearch, seed: u64) -> Option<Vec<f64>> {
     );
     config.constants = CONSTANTS;
     config.lambda = Some(search.population);
-    config.stops.generations = Some(search.generations.min(MOST_GENERATIONS).into());
+    config.stops.generations = Some(search.generations.min(MAX_GENERATIONS).into());
     let coordinate = |count: &Option<usize>| count.map_or(Coordinate::Real, Coordinate::Choice);
     config.coordinates = search.choices.iter().map(coordinate).collect();
     let mut optimizer = CmaEs::new(config).ok()?;

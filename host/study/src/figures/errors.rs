@@ -22,7 +22,7 @@ pub(super) struct Part {
     bound: fn(&DataConfig) -> f64,
 }
 
-/// In the units of the table.
+/// Parts of the pose error, in the units of the table.
 pub(super) const PARTS: [Part; 2] = [
     Part {
         name: "translation",

@@ -13,7 +13,7 @@ use echoloop_report::finished_runs::FinishedRun;
 use echoloop_report::{Moved, Panel, PanelDrawing, Plate, fixed, significant};
 
 /// Bound on the number of parameters; a file with more is not ours.
-const MOST_NAMES: usize = 100;
+const MAX_NAMES: usize = 100;
 
 /// A figure for each cell where both were tuned, and a sentence about those that are missing.
 pub(super) fn plates(cells: &Cells, search: &Search) -> Drawn {
@@ -82,7 +82,7 @@ fn moved(run: &FinishedRun, background: &Background, chance: &mut Chance) -> Opt
     let names = &background.correlated;
     let square = &background.correlations;
     let is_square = square.len() == names.len() && square.iter().all(|r| r.len() == names.len());
-    if !(2..=MOST_NAMES).contains(&names.len()) || !is_square {
+    if !(2..=MAX_NAMES).contains(&names.len()) || !is_square {
         return None;
     }
     let stage = background.stages.last()?;

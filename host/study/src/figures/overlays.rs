@@ -75,7 +75,7 @@ impl LaidOn {
     }
 }
 
-/// Index of the pair of median error ‖T − T*‖_F; of an even number the better of the two.
+/// Index of the pair of median error ‖T − T*‖_F; of an even number, the better of the middle two.
 pub fn shown_pair(record: &Record) -> Option<usize> {
     let mut errors: Vec<_> = record.summary.errors.iter().collect();
     errors.sort_by(|a, b| a.frobenius.total_cmp(&b.frobenius).then(a.pair.cmp(&b.pair)));
@@ -166,7 +166,7 @@ fn panels(search: &Search, pair: &SeenPair) -> Vec<Panel> {
     STEPS.into_iter().zip(&pair.views).map(panel).collect()
 }
 
-/// Median of the target's points around the sensor, on either axis.
+/// Centre of a panel: median x and y of the target's points near its sensor.
 fn middle(target: &[[f64; 2]]) -> [f64; 2] {
     let near = |point: &&[f64; 2]| point[0].hypot(point[1]) < NEAR_M;
     let along = |axis: usize| median(target.iter().filter(near).map(|point| point[axis]));

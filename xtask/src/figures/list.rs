@@ -12,7 +12,7 @@ use crate::record::with_commas;
 /// `benches/record/figures.toml`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Book {
+pub(super) struct List {
     pub(super) run: Vec<Run>,
     pub(super) figure: Vec<Figure>,
 }
@@ -85,7 +85,7 @@ fn one() -> f64 {
     1.0
 }
 
-impl Book {
+impl List {
     pub(super) fn from_text(text: &str) -> Result<Self> {
         toml::from_str(text).map_err(Into::into)
     }
@@ -162,12 +162,12 @@ mod tests {
 
     #[test]
     fn a_page_without_the_recorded_number_is_named_with_its_figure() {
-        let book = Book::from_text(
+        let list = List::from_text(
             "run = []\n[[figure]]\nname = \"f\"\nrun = \"r\"\nvalues = {}\n\
              recorded = { x = \"5.0\" }\nprinted = [{ page = \"p.md\", text = \"{x} % by\" }]\n",
         )
         .unwrap();
-        let missing = |page: &str| book.missing(|_| Ok(page.to_owned())).unwrap();
+        let missing = |page: &str| list.missing(|_| Ok(page.to_owned())).unwrap();
         assert_eq!(missing("5.0 % by"), [""; 0]);
         assert_eq!(missing("25.0 % by"), ["p.md: f: 5.0 % by"]);
     }
