@@ -22,19 +22,21 @@ pub(super) struct Step {
 impl Step {
     /// A command of cargo's.
     pub(super) fn cargo(name: &'static str, arguments: &[&str]) -> Result<Self> {
-        let mut command = cargo_command()?;
-        command.args(arguments);
-        if env::var_os("CI").is_some() {
-            command.env("CARGO_INCREMENTAL", "0"); // everything is built once
-        }
-        Ok(Self { name, shown: format!("cargo {}", arguments.join(" ")), command })
+        Ok(Self::new(name, "cargo", cargo_command()?, arguments))
     }
 
     /// A command of this program's.
     pub(super) fn own(name: &'static str, arguments: &[&str]) -> Result<Self> {
-        let mut command = Command::new(env::current_exe().context("the path of this program")?);
+        let program = env::current_exe().context("the path of this program")?;
+        Ok(Self::new(name, "cargo xtask", Command::new(program), arguments))
+    }
+
+    fn new(name: &'static str, typed: &str, mut command: Command, arguments: &[&str]) -> Self {
         command.args(arguments);
-        Ok(Self { name, shown: format!("cargo xtask {}", arguments.join(" ")), command })
+        if env::var_os("CI").is_some() {
+            command.env("CARGO_INCREMENTAL", "0"); // everything is built once
+        }
+        Self { name, shown: format!("{typed} {}", arguments.join(" ")), command }
     }
 
     /// The command as one types it.
