@@ -12,7 +12,6 @@ mod front;
 mod header;
 mod identity;
 mod importance;
-mod iterations;
 mod notes;
 pub(crate) mod pairs;
 mod trajectories;
@@ -83,7 +82,6 @@ impl Report {
             importance::section(&self.importance),
             correlation::section(self),
             pairs::section(self),
-            iterations::section(self),
             clouds::section(self),
             identity::section(&self.run),
             notes::section(&self.run.config),
