@@ -4,7 +4,6 @@ mod layout;
 mod lzf;
 mod pcd;
 mod ply;
-mod pts;
 mod text;
 mod vtk;
 
@@ -36,7 +35,7 @@ macro_rules! formats {
         )+ }
         only read { $( [$($extension:literal),+], $known_as:literal, read: $only_read:expr; )+ }
     ) => {
-        /// A format that clouds are written in: binary and little endian, but for PTS.
+        /// A format that clouds are written in, always binary and little endian.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum CloudFormat {
             $($(#[$doc])* $variant,)+
@@ -89,9 +88,6 @@ formats! {
         /// out.
         Pcd: "pcd", "binary PCD 0.7, unorganized", keeps_columns: true,
             read: pcd::parse, write: |cloud, columns| pcd::LAYOUT.bytes(cloud, columns);
-        /// Text with a count of points, of Leica's programs: the points alone.
-        Pts: "pts", "text, a count and then x y z a line; no columns", keeps_columns: false,
-            read: |bytes, _| pts::parse(bytes).map(points_alone), write: |cloud, _| pts::bytes(cloud);
     }
     only read {
         ["vtk"], "", read: |bytes, _| vtk::parse(bytes).map(points_alone);
@@ -159,8 +155,8 @@ mod tests {
 
     #[test]
     fn refusals_name_every_extension() {
-        assert_eq!(CloudFormat::extensions(), ".ply, .pcd or .pts");
-        let read = ".ply, .pcd, .pts, .vtk, .bin (KITTI), .xyz, .txt, .asc or .csv";
+        assert_eq!(CloudFormat::extensions(), ".ply or .pcd");
+        let read = ".ply, .pcd, .vtk, .bin (KITTI), .xyz, .txt, .asc or .csv";
         assert_eq!(read_extensions(), read);
     }
 
