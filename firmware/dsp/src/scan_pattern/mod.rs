@@ -9,7 +9,6 @@ pub mod grid;
 pub mod lasers;
 pub mod rosette;
 pub mod spinning;
-pub mod spiral;
 pub mod table;
 
 use core::fmt;
@@ -19,7 +18,6 @@ pub use angle::exact_unit;
 use grid::Grid;
 use rosette::Rosette;
 use spinning::{Spinning, SpinningModel};
-use spiral::Spiral;
 use table::BeamTable;
 
 /// Directions of the beams of a scan, in the sensor's frame: x ahead, y left, z up.
@@ -37,8 +35,6 @@ pub enum ScanPattern {
     Rosette(Rosette),
     /// List of beams, of which this program has only the hash.
     Table(BeamTable),
-    /// Spiral from the middle outwards.
-    Spiral(Spiral),
 }
 
 impl Default for ScanPattern {
@@ -50,13 +46,12 @@ impl Default for ScanPattern {
 
 impl ScanPattern {
     /// One pattern of each kind, in the order of their numbers on the wire: tests go through them.
-    pub const EXAMPLES: [Self; 6] = [
+    pub const EXAMPLES: [Self; 5] = [
         Self::Grid(EXAMPLE_GRID),
         Self::Raster(EXAMPLE_GRID),
         Self::Spinning(Spinning { model: SpinningModel::Os1x128, columns: 65_000 }),
         Self::Rosette(Rosette::MID_40),
         Self::Table(BeamTable { beams: 131_072, channels: 300, hash: u32::MAX }),
-        Self::Spiral(Spiral::USUAL),
     ];
 
     /// Number of beams of a scan.
@@ -66,7 +61,6 @@ impl ScanPattern {
             Self::Spinning(spinning) => spinning.beams(),
             Self::Rosette(rosette) => rosette.beams,
             Self::Table(table) => table.beams,
-            Self::Spiral(spiral) => spiral.beams,
         }
     }
 
@@ -74,7 +68,7 @@ impl ScanPattern {
     pub fn channels(&self) -> u16 {
         match self {
             Self::Grid(grid) => grid.rows,
-            Self::Raster(_) | Self::Rosette(_) | Self::Spiral(_) => 1,
+            Self::Raster(_) | Self::Rosette(_) => 1,
             Self::Spinning(spinning) => spinning.lasers(),
             Self::Table(table) => table.channels,
         }
@@ -90,7 +84,6 @@ impl ScanPattern {
             Self::Spinning(spinning) => spinning.direction(beam),
             Self::Rosette(rosette) => rosette.direction(scan, beam),
             Self::Table(_) => return None,
-            Self::Spiral(spiral) => spiral.direction(beam),
         };
         Some(unit)
     }
@@ -105,7 +98,6 @@ impl ScanPattern {
             Self::Spinning(spinning) => spinning.exact_direction(beam),
             Self::Rosette(rosette) => Some(rosette.exact_direction(scan, beam)),
             Self::Table(_) => None,
-            Self::Spiral(spiral) => Some(spiral.exact_direction(beam)),
         }
     }
 
@@ -119,7 +111,7 @@ impl ScanPattern {
         match self {
             Self::Grid(grid) | Self::Raster(grid) => Some([grid.columns, grid.rows]),
             Self::Spinning(spinning) => Some([spinning.columns, spinning.lasers()]),
-            Self::Rosette(_) | Self::Table(_) | Self::Spiral(_) => None,
+            Self::Rosette(_) | Self::Table(_) => None,
         }
     }
 
@@ -132,7 +124,7 @@ impl ScanPattern {
                 let [column, _] = spinning.column_and_laser(beam);
                 [column, spinning.ring(beam)]
             }
-            Self::Rosette(_) | Self::Table(_) | Self::Spiral(_) => [beam, 0],
+            Self::Rosette(_) | Self::Table(_) => [beam, 0],
         }
     }
 
@@ -190,7 +182,6 @@ impl fmt::Display for ScanPattern {
             Self::Spinning(spinning) => spinning.fmt(f),
             Self::Rosette(rosette) => rosette.fmt(f),
             Self::Table(table) => table.fmt(f),
-            Self::Spiral(spiral) => spiral.fmt(f),
         }
     }
 }

@@ -3,7 +3,6 @@
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use echoloop_dsp::scan_pattern::spiral::Spiral;
 use echoloop_dsp::{Grid, Rosette, ScanPattern, Spinning, SpinningModel};
 use echoloop_files::one_line;
 use echoloop_parameters::{Bounds, Refused, section};
@@ -22,9 +21,9 @@ section! {
     #[serde(deny_unknown_fields, default = "ScannerConfig::left_out")]
     pub struct ScannerConfig in "scanner" {
         pattern: String, "", Bounds::Words("one of grid, raster, vlp-16, vlp-32c, vls-128, \
-             hdl-64e, os1-64, os1-128, livox-mid-40, spiral, or a table as FILE.csv"),
+             hdl-64e, os1-64, os1-128, livox-mid-40, or a table as FILE.csv"),
             "Where the beams point: `grid`, `raster`, a sensor (`vlp-16`, `vlp-32c`, `vls-128`, \
-             `hdl-64e`, `os1-64`, `os1-128`, `livox-mid-40`), a `spiral`, or a table: FILE.csv.";
+             `hdl-64e`, `os1-64`, `os1-128`, `livox-mid-40`), or a table: FILE.csv.";
         #[serde(skip_serializing_if = "Option::is_none")]
         columns: Option<u16>, "beams", Bounds::between(1.0, MOST_BEAMS[0] as f64),
             "Beams along azimuth: of a grid, a raster, a turn of a spinning sensor.";
@@ -39,7 +38,7 @@ section! {
             "Full elevation range of a grid or a raster, degrees.";
         #[serde(skip_serializing_if = "Option::is_none")]
         beams: Option<u32>, "beams", Bounds::between(1.0, MOST_LISTED as f64),
-            "Beams of a scan, of a rosette (`livox-mid-40`) or a spiral.";
+            "Beams of a scan, of a rosette (`livox-mid-40`).";
         height_m: f64, "m", Bounds::between(0.1, 100.0),
             "Height above the ground, m.";
     }
@@ -87,12 +86,11 @@ enum Kind {
     Raster,
     Spinning(SpinningModel),
     Rosette,
-    Spiral,
     Table,
 }
 
 /// Names of the patterns that are no files.
-const NAMED: [(&str, Kind); 10] = [
+const NAMED: [(&str, Kind); 9] = [
     ("grid", Kind::Grid),
     ("raster", Kind::Raster),
     ("vlp-16", Kind::Spinning(SpinningModel::Vlp16)),
@@ -102,7 +100,6 @@ const NAMED: [(&str, Kind); 10] = [
     ("os1-64", Kind::Spinning(SpinningModel::Os1x64)),
     ("os1-128", Kind::Spinning(SpinningModel::Os1x128)),
     ("livox-mid-40", Kind::Rosette),
-    ("spiral", Kind::Spiral),
 ];
 
 impl Kind {
@@ -121,7 +118,7 @@ impl Kind {
             Self::Spinning(SpinningModel::Vls128) => Some(1876),
             Self::Spinning(SpinningModel::Hdl64e) => Some(2083),
             Self::Spinning(SpinningModel::Os1x64 | SpinningModel::Os1x128) => Some(1024),
-            Self::Rosette | Self::Spiral | Self::Table => None,
+            Self::Rosette | Self::Table => None,
         }
     }
 }
@@ -151,11 +148,7 @@ impl ScannerConfig {
         let kind = Kind::of(&self.pattern);
         let is_grid = matches!(kind, Some(Kind::Grid | Kind::Raster));
         let degrees = is_grid.then_some(180.0);
-        let beams = match kind {
-            Some(Kind::Rosette) => Some(Rosette::MID_40.beams),
-            Some(Kind::Spiral) => Some(Spiral::USUAL.beams),
-            _ => None,
-        };
+        let beams = (kind == Some(Kind::Rosette)).then_some(Rosette::MID_40.beams);
         Self {
             columns: self.columns.or(kind.and_then(Kind::usual_columns)),
             rows: self.rows.or(is_grid.then_some(64)),
@@ -182,10 +175,6 @@ impl ScannerConfig {
             Some(Kind::Rosette) => {
                 let beams = self.beams.unwrap_or(0);
                 ScanPattern::Rosette(Rosette { beams, ..Rosette::MID_40 })
-            }
-            Some(Kind::Spiral) => {
-                let beams = self.beams.unwrap_or(0);
-                ScanPattern::Spiral(Spiral { beams, ..Spiral::USUAL })
             }
             Some(Kind::Table) | None => {
                 ScanPattern::Table(self.list().map(|list| list.name()).unwrap_or_default())
@@ -266,7 +255,7 @@ impl ScannerConfig {
             (self.rows.map(f64::from), grid),
             (self.azimuth_deg, grid),
             (self.elevation_deg, grid),
-            (self.beams.map(f64::from), matches!(kind, Kind::Rosette | Kind::Spiral)),
+            (self.beams.map(f64::from), kind == Kind::Rosette),
         ];
         for (key, (value, applies)) in Self::KEYS[1..].iter().zip(given) {
             match value {
@@ -312,7 +301,6 @@ mod tests {
             ("os1-64", 65_536),
             ("os1-128", 131_072),
             ("livox-mid-40", 10_000),
-            ("spiral", 10_000),
         ];
         assert_eq!(beams, expected);
     }
