@@ -36,6 +36,7 @@ mod normal_equations;
 pub mod observability;
 mod outcome;
 pub mod overlap;
+mod point_to_point;
 pub mod prepared;
 pub mod refine;
 mod registration;
@@ -49,7 +50,7 @@ mod tests;
 pub use auto::Auto;
 pub use config::{
     AutoConfig, ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig,
-    MacConfig, Method, MethodConfig, SETTINGS, Setting, setting,
+    MacConfig, Method, MethodConfig, PointToPointConfig, SETTINGS, Setting, setting,
 };
 pub use covariance::Covariance;
 pub use echoloop_clouds as clouds;
@@ -63,6 +64,7 @@ pub use methods::build;
 pub use observability::Observability;
 pub use outcome::{Consensus, Outcome, StopReason};
 pub use overlap::{Confirmed, Overlap};
+pub use point_to_point::PointToPoint;
 pub use prepared::{PrepareError, Source, Target};
 pub use refine::Refined;
 pub use registration::Registration;
