@@ -36,7 +36,6 @@ mod normal_equations;
 pub mod observability;
 mod outcome;
 pub mod overlap;
-mod point_to_point;
 pub mod prepared;
 pub mod refine;
 mod registration;
@@ -50,7 +49,7 @@ mod tests;
 pub use auto::Auto;
 pub use config::{
     AutoConfig, ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig,
-    MacConfig, Method, MethodConfig, PointToPointConfig, SETTINGS, Setting, setting,
+    MacConfig, Method, MethodConfig, SETTINGS, Setting, setting,
 };
 pub use covariance::Covariance;
 pub use echoloop_clouds as clouds;
@@ -64,7 +63,6 @@ pub use methods::build;
 pub use observability::Observability;
 pub use outcome::{Consensus, Outcome, StopReason};
 pub use overlap::{Confirmed, Overlap};
-pub use point_to_point::PointToPoint;
 pub use prepared::{PrepareError, Source, Target};
 pub use refine::Refined;
 pub use registration::Registration;

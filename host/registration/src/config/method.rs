@@ -22,8 +22,6 @@ macro_rules! with_methods {
                 "Maximal cliques of compatible FPFH matches: needs no initial guess.";
             Auto AutoConfig "auto" Everywhere
                 "Candidates of several scales, scored on the points of both clouds, then GICP.";
-            PointToPoint PointToPointConfig "point" Near
-                "Point-to-point ICP: local, without normals or kernel.";
         }
     };
 }

@@ -152,7 +152,6 @@ macro_rules! settings {
             $(fgr $fgr:expr, $fgr_use:expr;)?
             $(mac $mac:expr, $mac_use:expr;)?
             $(auto $auto:expr, $auto_use:expr;)?
-            $(point $point:expr, $point_use:expr;)?
         }
     )+) => {
         /// Every setting, in the order of its use.
@@ -171,7 +170,6 @@ macro_rules! settings {
                 $((Owner::Method(Method::Fgr), $fgr_use),)?
                 $((Owner::Method(Method::Mac), $mac_use),)?
                 $((Owner::Method(Method::Auto), $auto_use),)?
-                $((Owner::Method(Method::PointToPoint), $point_use),)?
             ],
         }),+];
 
@@ -234,12 +232,6 @@ macro_rules! settings {
             AutoConfig(Owner::Method(Method::Auto)) []
             [$($({ $key: $type = $auto, $help, $more })?)+]
         }
-
-        configuration! {
-            /// Settings of [`crate::PointToPoint`]. Lengths in metres, angles in radians.
-            PointToPointConfig(Owner::Method(Method::PointToPoint)) []
-            [$($({ $key: $type = $point, $help, $more })?)+]
-        }
     };
 }
 
@@ -252,7 +244,6 @@ settings! {
         gicp 0.2, VOXEL;
         features 0.5, VOXEL;
         auto 0.8, ours(log(0.2, 2.0));
-        point 0.2, VOXEL;
     }
     normal_radius_m: f64, "m", LENGTH,
         "Radius of the neighbourhood of a normal, m.",
@@ -291,7 +282,6 @@ settings! {
         gicp 0.5, LOCAL_DISTANCE;
         fgr 0.5, GLOBAL_DISTANCE;
         mac 1.0, GLOBAL_DISTANCE;
-        point 0.5, LOCAL_DISTANCE;
     }
     first_pair_distance_m: Option<f64>, "m", FIRST_DISTANCE,
         "Largest distance of the first pairs, m; it then shrinks to that of the last.",
@@ -335,7 +325,6 @@ settings! {
         fgr 256, searched("φ_fgr", whole(8.0, 512.0), whole(8.0, 128.0), 64.0)
             .bounded(between(1.0, 100000.0));
         mac 20, PLAIN.bounded(Bound::of(Bounds::between(f64::MIN, 1e5).called("at most 100000")));
-        point 50, searched("φ_icp", whole(8.0, 128.0), whole(8.0, 128.0), 30.0);
     }
     translation_tolerance_m: f64, "m", TOLERANCE, formerly "still_m",
         "Length of a step, m, below which the run ends if its turn is within its tolerance too.",
@@ -343,7 +332,6 @@ settings! {
     {
         icp 5e-4, PLAIN;
         gicp 5e-4, PLAIN;
-        point 5e-4, PLAIN;
     }
     rotation_tolerance_rad: f64, "rad", TOLERANCE, formerly "still_rad",
         "Turn of a step, rad, below which the run ends if its length is within its tolerance too.",
@@ -351,7 +339,6 @@ settings! {
     {
         icp 1e-4, PLAIN;
         gicp 1e-4, PLAIN;
-        point 1e-4, PLAIN;
     }
     fitness_tolerance: f64, "", TOLERANCE, formerly "still_fraction",
         "Change of the share of paired points below which the run ends if that of their RMSE is \
