@@ -165,7 +165,6 @@ pub fn settings(rng: &mut impl Rng, hardware: &Hardware) -> Settings {
             gain_slope_mdb_m: 0,
             gain_range_mm: 40_000,
             overlap_mm: 1_000,
-            clipped_echoes: 0,
         };
         // Not drawn, so that the other draws of a seed stay as they were before these settings.
         let settings = with_later_ones(settings);
@@ -185,7 +184,6 @@ fn with_later_ones(settings: Settings) -> Settings {
         gain_slope_mdb_m: if rises { 1 + pulse_width_ps % 1_000 } else { 0 },
         gain_range_mm: if rises { 5_000 + 7_919 * bins % 35_001 } else { 40_000 },
         overlap_mm: if bins % 3 == 1 { 500 + pulse_width_ps % 19_501 } else { 1_000 },
-        clipped_echoes: i32::from(bins % 7 == 2),
         ..settings
     }
 }

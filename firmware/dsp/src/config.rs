@@ -5,7 +5,7 @@ use crate::clipped::height::FARTHEST;
 use crate::clipped::pulse::Pulse;
 use crate::rising_gain::ramp::Ramp;
 use crate::settings::Settings;
-use crate::settings::choice::{AmbientEstimator, ClippedEchoes, EchoChoice, TimingMethod};
+use crate::settings::choice::{AmbientEstimator, EchoChoice, TimingMethod};
 use crate::settings::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
 use crate::settings::refusal::Refusal;
 use crate::stages::split::Sharpener;
@@ -83,8 +83,6 @@ pub struct DetectorConfig {
     pub echoes: usize,
     /// Rule for which echoes are kept.
     pub echo_choice: EchoChoice,
-    /// Rule for clipped echoes.
-    pub clipped: ClippedEchoes,
     /// Sample period.
     pub sample_period_fs: u32,
     /// Range of sample 0, 1/256 mm.
@@ -151,7 +149,6 @@ impl DetectorConfig {
             min_separation: min_separation(settings, range_step),
             echoes: settings.echoes as usize,
             echo_choice: choices.echoes,
-            clipped: choices.clipped,
             sample_period_fs: period_fs,
             range_origin: i64::from(hardware.range_min_mm) * 256,
             range_step,

@@ -8,14 +8,12 @@ use crate::limits::{MAX_SAMPLES, MAX_TAPS};
 use crate::loops::SampleLoops;
 use crate::rising_gain::near::Near;
 use crate::settings::Settings;
-use crate::settings::choice::ClippedEchoes;
 use crate::settings::hardware::Hardware;
 use crate::settings::refusal::Refusal;
 use crate::stages::accumulate::Accumulator;
 use crate::stages::detect::Threshold;
 use crate::stages::echo::{Echo, Echoes};
 use crate::stages::filter::{self, PADDING};
-use crate::stages::flags::Flags;
 use crate::stages::noise::Noise;
 use crate::stages::peak::{Peak, Peaks};
 use crate::stages::refine::{Chosen, Refined, Refiner, Waveform};
@@ -327,12 +325,7 @@ impl Pipeline {
             self.sharpen(refiner, peak, &mut refined);
         }
         let seen_at = refiner.level.unwrap_or(peak.index.into());
-        let echo = Echo::from_peak(&self.config, &refined, refiner.threshold, seen_at);
-        let is_kept = |echo: &Echo| match self.config.clipped {
-            ClippedEchoes::Keep => true,
-            ClippedEchoes::Drop => !echo.flags.contains(Flags::SATURATED),
-        };
-        echo.filter(is_kept)
+        Echo::from_peak(&self.config, &refined, refiner.threshold, seen_at)
     }
 
     fn refiner<'a>(
@@ -393,30 +386,6 @@ mod tests {
         let spikes = core::array::from_fn(|n| if n % 40 == 7 { 0x3fff } else { 100 });
         let ramp = core::array::from_fn(|n| (27 * n) as u16);
         [[0; MAX_SAMPLES + 1], [u16::MAX; MAX_SAMPLES + 1], step, spikes, ramp]
-    }
-
-    #[test]
-    fn a_clipped_echo_is_left_out_where_the_settings_say_so() {
-        let mut codes = [100u16; 800];
-        for (top, middle) in [(1_500, 200), (4_095, 500)] {
-            let rise = [0.1, 0.4, 0.8, 1.0, 1.0, 1.0, 0.8, 0.4, 0.1];
-            for (code, share) in codes[middle - 4..].iter_mut().zip(rise) {
-                *code = 100 + (share * f64::from(top - 100)) as u16;
-            }
-        }
-        let clipped = |clipped_echoes: ClippedEchoes| {
-            let settings = Settings {
-                echoes: 2,
-                clipped_echoes: clipped_echoes.code(),
-                ..Settings::default()
-            };
-            let pipeline = Pipeline::new(&settings, &Hardware::REFERENCE).unwrap();
-            let echoes = pipeline.process(Portable, &codes, &mut Scratch::new());
-            let count = echoes.iter().filter(|echo| echo.flags.contains(Flags::SATURATED)).count();
-            (echoes.len(), count)
-        };
-        assert_eq!(clipped(ClippedEchoes::Keep), (2, 1));
-        assert_eq!(clipped(ClippedEchoes::Drop), (1, 0));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Constants of the detector.
 
-use echoloop_dsp::choice::{AmbientEstimator, ClippedEchoes, EchoChoice, TimingMethod};
+use echoloop_dsp::choice::{AmbientEstimator, EchoChoice, TimingMethod};
 use echoloop_dsp::template::Template;
 use echoloop_dsp::{DetectorConfig, Hardware, Settings};
 
@@ -70,8 +70,6 @@ pub struct BitTrue {
     pub echoes: usize,
     /// Choice of echoes.
     pub choice: EchoChoice,
-    /// Rule for clipped echoes.
-    pub clipped: ClippedEchoes,
     /// Sample period, fs.
     pub period_fs: f64,
     /// Range of sample 0, 1/256 mm.
@@ -146,7 +144,6 @@ impl BitTrue {
             min_separation: (separation_um * two_to(24) / (range_step * 1e3)).floor().max(1.0),
             echoes: settings.echoes as usize,
             choice: choices.echoes,
-            clipped: choices.clipped,
             period_fs,
             range_origin: f64::from(hardware.range_min_mm) * 256.0,
             range_step,

@@ -1,14 +1,13 @@
 //! The whole pipeline.
 
 use echoloop_dsp::MAX_SAMPLES;
-use echoloop_dsp::choice::ClippedEchoes;
 
 use super::config::BitTrue;
 use super::near::Level;
 use super::noise::Noise;
 use super::numbers::nearest;
 use super::peaks::{choose, peaks, separate};
-use super::refine::{SATURATED, Waveform};
+use super::refine::Waveform;
 use super::split;
 use super::values::{Echo, Peak, Threshold};
 
@@ -77,8 +76,7 @@ impl BitTrue {
     ) -> Option<Echo> {
         let refined = self.refine(wave, peak, threshold, noise);
         let refined = if sharp { self.sharpen(wave, peak, refined) } else { refined };
-        let echo = self.echo(&refined, threshold, wave.level.map_or(peak.index, |(at, _)| at));
-        echo.filter(|echo| self.clipped == ClippedEchoes::Keep || echo.flags & SATURATED == 0)
+        self.echo(&refined, threshold, wave.level.map_or(peak.index, |(at, _)| at))
     }
 
     /// Peaks including those hidden under others, and the indices of overlapping ones.

@@ -117,13 +117,6 @@ choices! {
         /// The farthest.
         Last = "last",
     }
-    /// Rule for echoes whose top is clipped.
-    clipped: ClippedEchoes of ClippedEchoes {
-        /// They are kept, with a flag.
-        Keep = "keep",
-        /// They are left out, after the choice of echoes.
-        Drop = "drop",
-    }
 }
 
 // Not a choice of the detector: it sets when shots are sampled.

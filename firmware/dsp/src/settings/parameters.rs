@@ -8,9 +8,7 @@
 use core::fmt;
 
 use crate::limits::PRE_TRIGGER;
-use crate::settings::choice::{
-    AmbientEstimator, ClippedEchoes, DenoiseFilter, Dither, EchoChoice, TimingMethod,
-};
+use crate::settings::choice::{AmbientEstimator, DenoiseFilter, Dither, EchoChoice, TimingMethod};
 use crate::settings::reason::Reason;
 use crate::stages::accumulate::LANES;
 
@@ -346,12 +344,6 @@ parameters! {
         name: "overlap", symbol: "ξ", unit: "m", kind: LOG,
         codes_per_unit: 1000, min: 500, max: 20_000, default: Some(1_000),
         acts_in: "front end, reflectivity",
-    }
-    /// Rule for echoes whose top is clipped: the code of a [`ClippedEchoes`].
-    clipped_echoes: i32, ClippedEchoes {
-        help: "Rule for echoes whose top is clipped: kept with a flag, or left out.",
-        name: "clipped_echoes", acts_in: "DSP peaks",
-        ..choice(ClippedEchoes::NAMES, ClippedEchoes::Keep.code())
     }
 }
 
