@@ -12,8 +12,7 @@ use crate::parameters::{Parameters, ThetaReg};
 use echoloop_clouds::Cloud;
 use echoloop_clouds::pose::{Pose, frobenius_error, rotation_error_deg, translation_error_m};
 use echoloop_registration::{Outcome, StopReason};
-use echoloop_sensors::client::ClientError;
-use echoloop_sensors::sensor::{Sensor, SensorError, Sensors, View};
+use echoloop_sensors::sensor::{SensorError, Sensors, View};
 
 /// Error of one registered pair.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -100,8 +99,7 @@ impl Bench<'_> {
         Ok(Registered { error, clouds, first_from_second, scans })
     }
 
-    /// Both scans of a pair. The settings reach the sensor over the link, and every echo comes back
-    /// over it.
+    /// Both scans of a pair, with their clouds.
     pub fn scan(
         &self,
         settings: &Settings,
@@ -109,9 +107,32 @@ impl Bench<'_> {
         pair: &ScanPair,
         noise_seed: u64,
     ) -> Result<Scanned, SensorError> {
-        let scans = self.sensors.with(|sensor| scan_pair(sensor, settings, pair, noise_seed))?;
+        let scans = self.echoes(settings, pair, noise_seed)?;
         let clouds = [0, 1].map(|i| self.cloud(&scans[i], pair.viewpoints[i]));
         Ok(Scanned { scans, clouds, pair: index, truth: pair.truth })
+    }
+
+    /// Both scans of a pair. The settings reach the sensor over the link, and every echo comes back
+    /// over it.
+    pub fn echoes(
+        &self,
+        settings: &Settings,
+        pair: &ScanPair,
+        noise_seed: u64,
+    ) -> Result<[Vec<Echoes>; 2], SensorError> {
+        let [first, second] = pair.viewpoints;
+        self.sensors.with(|sensor| {
+            sensor.configure(settings)?;
+            Ok([
+                sensor.scan(&View { scene: &pair.first, noise_seed, scan: 1, viewpoint: first })?,
+                sensor.scan(&View {
+                    scene: &pair.second,
+                    noise_seed,
+                    scan: 2,
+                    viewpoint: second,
+                })?,
+            ])
+        })
     }
 
     /// Cost model of a scan, from the hardware, the scan pattern and the duration of a scan, s.
@@ -139,21 +160,6 @@ impl Scanned {
         let points = [first.points.len(), second.points.len()];
         (pair_error(self.pair, &outcome, &self.truth, points), outcome.target_from_source)
     }
-}
-
-/// Both scans of a pair with one set of settings.
-fn scan_pair(
-    sensor: &mut Sensor,
-    settings: &Settings,
-    pair: &ScanPair,
-    noise_seed: u64,
-) -> Result<[Vec<Echoes>; 2], ClientError> {
-    let [first, second] = pair.viewpoints;
-    sensor.configure(settings)?;
-    Ok([
-        sensor.scan(&View { scene: &pair.first, noise_seed, scan: 1, viewpoint: first })?,
-        sensor.scan(&View { scene: &pair.second, noise_seed, scan: 2, viewpoint: second })?,
-    ])
 }
 
 fn pair_error(pair: usize, outcome: &Outcome, truth: &Pose, points: [usize; 2]) -> PairError {

@@ -36,7 +36,7 @@ pub fn scan_pairs<'a>(
     let noisy = prepared.pairs(which);
     let scan_one = |(index, pair)| {
         go_on(stop)?;
-        let scanned = scan_pair(prepared, (index, pair), noisy.noise_seed(index));
+        let scanned = scan_pair(prepared, pair, noisy.noise_seed(index));
         done();
         scanned
     };
@@ -45,10 +45,10 @@ pub fn scan_pairs<'a>(
 
 fn scan_pair<'a>(
     prepared: &Prepared,
-    (index, pair): (usize, &'a ScanPair),
+    pair: &'a ScanPair,
     noise_seed: u64,
 ) -> Result<ScannedPair<'a>, ScanError> {
-    let scans = prepared.bench().scan(&prepared.start.settings, index, pair, noise_seed)?.scans;
+    let scans = prepared.bench().echoes(&prepared.start.settings, pair, noise_seed)?;
     let (beams, duration_s) = (&prepared.dataset.beams, prepared.config.motion.duration_s);
     let cloud = |i: usize| {
         let viewpoint = pair.viewpoints[i];
