@@ -153,8 +153,9 @@ fn every_worked_example_of_the_document_is_right() {
 }
 
 #[test]
-fn protocol_and_schema_are_those_of_the_document() {
-    // To change a message: append, and write the new schema into WIRE.md.
+fn a_changed_schema_needs_a_changed_protocol() {
+    // To change a message: append, raise PROTOCOL, and write both new values here and in WIRE.md.
+    assert_eq!((PROTOCOL, SCHEMA), (10, 0x0e4f_4b89_50ed_4804), "the schema is {SCHEMA:#018x}");
     let document = include_str!("../../../firmware/link/WIRE.md");
     let line = format!("Protocol {PROTOCOL}, schema\n`{SCHEMA:#018x}`");
     assert!(document.contains(&line), "WIRE.md should have\n{line}");
@@ -637,7 +638,7 @@ fn a_hash_covers_settings_of_any_width() {
     }
 }
 
-/// Cuts, joins, removes, overwrites and flips the bytes between delimiters.
+/// Cuts, joins, removes, appends, overwrites and flips the bytes between delimiters.
 #[test]
 fn no_damaged_frame_is_accepted() {
     let mut rng = vectors::rng(7);
@@ -649,11 +650,12 @@ fn no_damaged_frame_is_accepted() {
         let one = whole[rng.random_range(0..whole.len())];
         let other = whole[rng.random_range(0..whole.len())];
         let at = rng.random_range(0..one.len());
-        let mut bytes = match rng.random_range(0..5) {
+        let mut bytes = match rng.random_range(0..6) {
             0 => [one, other].concat(),
             1 => [&one[..at], &other[rng.random_range(0..other.len())..]].concat(),
             2 => one[..at].to_vec(),
             3 => [&one[..at], &one[at + 1..]].concat(),
+            4 => [one, &rng.random::<[u8; 4]>()[..rng.random_range(1..5)]].concat(),
             _ => one.to_vec(),
         };
         for _ in 0..rng.random_range(0..6) {

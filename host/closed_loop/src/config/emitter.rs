@@ -32,13 +32,16 @@ mod tests {
     use echoloop_dsp::{ParameterId, pulse_energy_pj};
 
     use super::*;
+    use crate::config::RunConfig;
 
     #[test]
     fn the_limit_lies_between_the_longest_pulse_of_least_and_of_greatest_power() {
         let (power, width) = (ParameterId::Power.parameter(), ParameterId::PulseWidth.parameter());
         let energy_nj = |power_uw| f64::from(pulse_energy_pj(power_uw, width.max)) / 1e3;
         assert_eq!([MIN_NJ, MAX_NJ], [energy_nj(power.min), energy_nj(power.max)]);
-        let check = |energy_limit_nj| EmitterConfig { energy_limit_nj }.check_keys();
+        let check = |energy_limit_nj| {
+            RunConfig { emitter: EmitterConfig { energy_limit_nj }, ..RunConfig::default() }.check()
+        };
         assert_eq!([MIN_NJ, MAX_NJ].map(check), [Ok(()), Ok(())]);
         for limit_nj in [0.0, -1.0, 0.0009, 2000.1, f64::NAN, f64::INFINITY] {
             let expected = format!("emitter.energy_limit_nj = {limit_nj} must be 0.001 to 2000");
