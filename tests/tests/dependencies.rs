@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours, its folder, and those of ours that it may name in its dependencies.
-const ALLOWED: [(&str, &str, &[&str]); 33] = [
+const ALLOWED: [(&str, &str, &[&str]); 34] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
     ("echoloop-dispatch", "host/dispatch", &[]),
     ("echoloop-random", "host/random", &["echoloop-dispatch"]),
     ("echoloop-files", "host/files", &[]),
     ("echoloop-parameters", "host/parameters", &[]),
     ("echoloop-needs", "tests/needs", &[]),
+    ("echoloop-campaign", "host/campaign", &[]),
     ("echoloop-clouds", "host/clouds", &["echoloop-files", "echoloop-needs"]),
     (
         "echoloop-kernels",
@@ -139,7 +140,7 @@ const ALLOWED: [(&str, &str, &[&str]); 33] = [
         &["echoloop-dsp", "echoloop-kernels"],
     ),
     ("echoloop-fuzz", "fuzz", &["echoloop-tests"]),
-    ("xtask", "xtask", &["echoloop-statistics"]),
+    ("xtask", "xtask", &["echoloop-campaign", "echoloop-statistics"]),
 ];
 
 /// Crates of an image.
@@ -151,6 +152,7 @@ const PART: &[&str] = &["echoloop-dsp", "echoloop-part", "echoloop-restarts", "e
 
 /// Crates of the program, and of its tests.
 const LIBRARIES: &[&str] = &[
+    "echoloop-campaign",
     "echoloop-closed-loop",
     "echoloop-clouds",
     "echoloop-cmaes",
@@ -176,6 +178,7 @@ const LIBRARIES: &[&str] = &[
 /// The same and the program's own library.
 const PROGRAM: &[&str] = &[
     "echoloop-app",
+    "echoloop-campaign",
     "echoloop-closed-loop",
     "echoloop-clouds",
     "echoloop-cmaes",

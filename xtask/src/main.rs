@@ -1,7 +1,6 @@
 //! Project commands: `cargo xtask test`.
 
 mod attack;
-mod campaign;
 mod cost;
 mod figures;
 mod firmware;
@@ -10,6 +9,7 @@ mod image;
 mod patterns;
 mod peers;
 mod pictures;
+mod program;
 mod record;
 mod shell;
 mod study;

@@ -7,11 +7,12 @@ use std::fmt::Write;
 use std::sync::LazyLock;
 
 use anyhow::{Context, Result, anyhow};
+use echoloop_campaign::{Cell, Plan};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::campaign::{self, Cell, Plan, mean};
-use crate::record::{with_commas, write_page};
+use crate::program::{self, recorded};
+use crate::record::{mean, with_commas, write_page};
 
 static PATTERNS: LazyLock<Plan> =
     LazyLock::new(|| Plan::read(include_str!("../../benches/plans/patterns.toml")));
@@ -50,7 +51,7 @@ struct Run {
     errors_mm: Vec<f64>,
 }
 
-type Line = campaign::Line<Run>;
+type Line = echoloop_campaign::Line<Run>;
 
 /// Runs what the record lacks, then writes the table.
 ///
@@ -61,22 +62,22 @@ pub(crate) fn run(args: &Patterns) -> Result<()> {
     let cells = PATTERNS.cells(&[("pattern", &args.pattern)]);
     let ended = match args.page {
         true => Ok(()),
-        false => PATTERNS.run(&cells, power, Run::new),
+        false => program::run(&PATTERNS, &cells, power, Run::new),
     };
-    write_page(PAGE, "cargo xtask patterns", &table(&PATTERNS.lines()?))?;
+    write_page(PAGE, "cargo xtask patterns", &table(&recorded(&PATTERNS)?))?;
     ended
 }
 
-/// Argument for the power of a run; `None` where the pattern has no more energy than the grid.
+/// Power of a run at equal energy; `None` where the pattern has no more energy than the grid.
 fn power(cell: &Cell, recorded: &[Line]) -> Result<Option<Vec<String>>> {
-    let argument = |power_w: f64| vec![format!("--set=lidar.power={power_w:.2}")];
     if cell.of("light") == "time" {
-        return Ok(Some(argument(POWER_W)));
+        return Ok(Some(Vec::new()));
     }
     let at_equal_time = cell.with("light", "time");
     let line = recorded.iter().find(|line| line.cell == at_equal_time);
     let beams = line.context("the run at equal time comes first")?.result.beams();
-    Ok((beams > GRID_BEAMS).then(|| argument(POWER_W * GRID_BEAMS / beams)))
+    let power_w = POWER_W * GRID_BEAMS / beams;
+    Ok((beams > GRID_BEAMS).then(|| vec![format!("--set=lidar.power={power_w:.2}")]))
 }
 
 impl Run {
@@ -122,25 +123,25 @@ const HEAD: &str = "
 
 fn table(lines: &[Line]) -> String {
     let mut text = HEAD.to_owned();
-    let methods: Vec<&str> = PATTERNS.values("method").collect();
-    let scenes: Vec<&str> = PATTERNS.values("scene").collect();
-    for pattern in PATTERNS.values("pattern") {
-        for light in PATTERNS.values("light") {
+    let methods = PATTERNS.values("method");
+    let scenes: Vec<&str> = PATTERNS.names("scene").collect();
+    for pattern in PATTERNS.names("pattern") {
+        for light in PATTERNS.names("light") {
             let of = |method: &str, scene: &str| {
                 let cell = Cell::default().with("pattern", pattern).with("light", light);
                 let cell = cell.with("method", method).with("scene", scene);
                 lines.iter().find(|line| line.cell == cell).map(|line| &line.result)
             };
-            let run = scenes.iter().find_map(|scene| of(methods[0], scene));
+            let run = scenes.iter().find_map(|scene| of(&methods[0].name, scene));
             let mut label = run.map(|run| match light {
                 "time" => format!("`{pattern}`, {}", with_commas(run.beams(), 0)),
                 _ => format!("… at the grid's energy, {:.2} W", run.power_w),
             });
-            for method in &methods {
-                let cell = |scene: &&str| of(method, scene).map_or("–".into(), Run::as_text);
+            for method in methods {
+                let cell = |scene: &&str| of(&method.name, scene).map_or("–".into(), Run::as_text);
                 let cells: Vec<String> = scenes.iter().map(cell).collect();
                 if cells.iter().any(|cell| cell != "–") {
-                    let (label, name) = (label.take().unwrap_or_default(), name(method));
+                    let (label, name) = (label.take().unwrap_or_default(), method.title());
                     let _ = writeln!(text, "| {label} | {name} | {} |", cells.join(" | "));
                 }
             }
@@ -148,10 +149,6 @@ fn table(lines: &[Line]) -> String {
     }
     text.push('\n');
     text
-}
-
-fn name(method: &str) -> String {
-    if method == "icp" { method.to_uppercase() } else { method.to_owned() }
 }
 
 #[cfg(test)]

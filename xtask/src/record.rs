@@ -1,39 +1,17 @@
-//! Records with a line for each finished run, and the pages written from them.
+//! What records have of a run, and the pages written from them.
 
-use std::fs::{self, OpenOptions};
-use std::io::{ErrorKind, Write};
-use std::path::Path;
+use std::fs;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
+use echoloop_statistics::{Estimate, mean_of_groups};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
 use crate::shell::{commit, today, workspace};
 
 const END: &str = "<!-- end -->\n";
-
-/// All lines of a record; none where there is no record yet.
-pub(crate) fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
-    let text = match fs::read_to_string(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-        text => text.with_context(|| format!("cannot read {}", path.display()))?,
-    };
-    let read = |(i, line): (usize, &str)| {
-        serde_json::from_str(line).with_context(|| format!("{}: line {}", path.display(), i + 1))
-    };
-    text.lines().enumerate().map(read).collect()
-}
-
-/// Adds a line.
-pub(crate) fn append<T: Serialize>(path: &Path, line: &T) -> Result<()> {
-    let mut text = serde_json::to_string(line)?;
-    text.push('\n');
-    let fail = || format!("cannot write {}", path.display());
-    let mut file = OpenOptions::new().create(true).append(true).open(path).with_context(fail)?;
-    file.write_all(text.as_bytes()).and_then(|()| file.sync_data()).with_context(fail)
-}
 
 /// JSON that a command of `echoloop` prints; its progress is shown.
 pub(crate) fn printed(command: &mut Command) -> Result<Value> {
@@ -79,6 +57,12 @@ pub(crate) fn with_commas(number: f64, decimals: usize) -> String {
     text + fraction
 }
 
+/// Mean over runs, each a group of pairs, with its interval. Seeded: the same on every machine.
+pub(crate) fn mean(groups: &[Vec<f64>]) -> Option<Estimate> {
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    mean_of_groups(groups, &mut |count| random.random_range(0..count))
+}
+
 /// To three significant digits: records are read by people too.
 pub(crate) fn three_digits(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
@@ -87,18 +71,6 @@ pub(crate) fn three_digits(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn lines_that_were_added_are_read_back_and_a_broken_one_is_named() {
-        let path = std::env::temp_dir().join(format!("record-{}", std::process::id()));
-        assert_eq!(lines::<Vec<u32>>(&path).unwrap(), Vec::<Vec<u32>>::new());
-        append(&path, &[1, 2]).unwrap();
-        append(&path, &[3]).unwrap();
-        assert_eq!(lines::<Vec<u32>>(&path).unwrap(), [vec![1, 2], vec![3]]);
-        fs::write(&path, "[1]\n{}\n").unwrap();
-        assert!(format!("{:#}", lines::<Vec<u32>>(&path).unwrap_err()).contains("line 2"));
-        fs::remove_file(&path).unwrap();
-    }
 
     #[test]
     fn what_lies_between_the_marks_of_a_command_is_replaced() {

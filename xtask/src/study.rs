@@ -12,16 +12,22 @@ mod warm;
 use std::sync::LazyLock;
 
 use anyhow::{Result, ensure};
+use echoloop_campaign::{Cell, Line, Plan};
 
-use crate::campaign::{Cell, Line, Plan};
+use crate::program::{self, recorded};
 use crate::record::write_page;
 use front::Front;
 use record::Run;
 
 static STUDY: LazyLock<Plan> =
     LazyLock::new(|| Plan::read(include_str!("../../benches/plans/study.toml")));
-static FRONTS: LazyLock<Plan> =
-    LazyLock::new(|| Plan::read(include_str!("../../benches/plans/fronts.toml")));
+/// The same with a front after each search.
+static FRONTS: LazyLock<Plan> = LazyLock::new(|| {
+    let mut plan = Plan::read(include_str!("../../benches/plans/study.toml"));
+    plan.set.push("front.cost=energy".into());
+    plan.record = "benches/record/fronts.jsonl".into();
+    plan
+});
 
 const PAGE: &str = "benches/record/study.md";
 
@@ -64,35 +70,34 @@ pub(crate) struct Study {
 /// When runs fail, which the others do not wait for, or the record cannot be read or written. Lines
 /// of finished runs are kept.
 pub(crate) fn run(args: &Study) -> Result<()> {
+    let cells = args.cells();
     let ended = match (args.page, args.front) {
         (true, _) => Ok(()),
-        (false, false) => STUDY.run(&args.cells(), warm::arguments, Run::new),
-        (false, true) => FRONTS.run(&args.fronts(), |_, _| Ok(Some(Vec::new())), Front::new),
+        (false, false) => program::run(&STUDY, &cells, warm::arguments, Run::new),
+        (false, true) => program::run(&FRONTS, &cells, |_, _| Ok(Some(Vec::new())), Front::new),
     };
-    write_page(PAGE, "cargo xtask study", &table::tables(&checked(STUDY.lines()?)?))?;
-    write_page(PAGE, "cargo xtask study --front", &front::tables(&FRONTS.lines()?))?;
+    write_page(PAGE, "cargo xtask study", &table::tables(&checked(recorded(&STUDY)?)?))?;
+    write_page(PAGE, "cargo xtask study --front", &front::tables(&recorded(&FRONTS)?))?;
     ended
 }
 
 impl Study {
-    fn seeds(&self) -> Vec<String> {
-        self.seed.iter().map(u64::to_string).collect()
-    }
-
     fn cells(&self) -> Vec<Cell> {
+        let seeds: Vec<String> = self.seed.iter().map(u64::to_string).collect();
+        // A front's run is that of both together by default.
+        let of = |selected: &[String], front: &str| match self.front {
+            true => vec![front.to_owned()],
+            false => selected.to_vec(),
+        };
         let cells = STUDY.cells(&[
-            ("strategy", &self.strategy),
-            ("protocol", &self.protocol),
-            ("method", &self.method),
+            ("strategy", &of(&self.strategy, "fast")),
+            ("protocol", &of(&self.protocol, "joint")),
+            ("method", &of(&self.method, "icp")),
             ("scene", &self.scene),
             ("condition", &self.condition),
-            ("seed", &self.seeds()),
+            ("seed", &seeds),
         ]);
         cells.into_iter().filter(|cell| !warm::is_in_its_own_towns(cell)).collect()
-    }
-
-    fn fronts(&self) -> Vec<Cell> {
-        FRONTS.cells(&[("scene", &self.scene), ("seed", &self.seeds())])
     }
 }
 
@@ -151,15 +156,15 @@ mod tests {
 
     #[test]
     fn every_committed_line_is_a_cell_of_its_plan() {
-        let lines = STUDY.lines::<Run>().unwrap();
+        let lines = recorded::<Run>(&STUDY).unwrap();
         assert!(lines.len() > 400, "{}", lines.len());
         for Line { cell, .. } in checked(lines).unwrap() {
             for axis in ["strategy", "protocol", "method", "scene", "condition"] {
-                assert!(STUDY.place(axis, &cell) < usize::MAX, "{cell}: {axis}");
+                assert!(STUDY.names(axis).any(|value| value == cell.of(axis)), "{cell}: {axis}");
             }
         }
-        let fronts = FRONTS.lines::<Front>().unwrap();
-        let cells = FRONTS.cells(&[("seed", &["2".to_owned(), "3".to_owned()])]);
+        let fronts = recorded::<Front>(&FRONTS).unwrap();
+        let cells = cells(&["--front", "--seed=2,3"]);
         assert!(fronts.len() >= 4 && fronts.iter().all(|line| cells.contains(&line.cell)));
     }
 }

@@ -3,11 +3,11 @@
 use std::fmt::Write;
 
 use anyhow::{Result, anyhow};
+use echoloop_campaign::Line;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::record::energy;
-use crate::campaign::Line;
 use crate::record::three_digits;
 
 /// Front of a run.
@@ -114,7 +114,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::campaign::Cell;
+    use echoloop_campaign::Cell;
 
     #[test]
     fn a_front_is_a_table_of_its_points_with_what_they_are_to_the_start() {

@@ -2,34 +2,36 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::mem::take;
 
+use echoloop_campaign::Line;
 use echoloop_statistics::Estimate;
 
 use super::STUDY;
 use super::record::{Judged, Run, energy};
-use crate::campaign::{Line, mean};
+use crate::record::mean;
 
 /// A table for each condition and method, with the scenes' rows.
 pub(super) fn tables(lines: &[Line<Run>]) -> String {
-    // Rows that are compared are the same in all but strategy, protocol and seed.
-    let mut places: BTreeMap<[usize; 3], Vec<&Line<Run>>> = BTreeMap::new();
-    for line in lines {
-        let place = ["condition", "method", "scene"].map(|axis| STUDY.place(axis, &line.cell));
-        places.entry(place).or_default().push(line);
-    }
     let mut text = String::new();
-    let mut heading = None;
-    for ([condition, method, _], lines) in places {
-        let cell = &lines[0].cell;
-        if heading != Some((condition, method)) {
-            heading = Some((condition, method));
-            let (method, condition) = (cell.of("method").to_uppercase(), cell.of("condition"));
-            let _ = write!(text, "\n### {method}, {condition}\n\n{HEAD}");
+    for condition in STUDY.names("condition") {
+        for method in STUDY.names("method") {
+            let mut heading = format!("\n### {}, {condition}\n\n{HEAD}", method.to_uppercase());
+            for scene in STUDY.names("scene") {
+                // Rows that are compared are the same in all but strategy, protocol and seed.
+                let place = [condition, method, scene];
+                let is_it = |line: &&Line<Run>| {
+                    ["condition", "method", "scene"].map(|axis| line.cell.of(axis)) == place
+                };
+                let lines: Vec<&Line<Run>> = lines.iter().filter(is_it).collect();
+                if !lines.is_empty() {
+                    text += &take(&mut heading);
+                    rows(&mut text, scene, &lines);
+                }
+            }
         }
-        rows(&mut text, cell.of("scene"), &lines);
     }
-    text.push('\n');
-    text
+    text + "\n"
 }
 
 const HEAD: &str = "\
@@ -54,7 +56,7 @@ fn rows(text: &mut String, scene: &str, lines: &[&Line<Run>]) {
         lines.iter().filter(is_it).copied().collect()
     };
     for strategy in STRATEGIES {
-        for protocol in STUDY.values("protocol") {
+        for protocol in STUDY.names("protocol") {
             let runs = of(strategy, protocol);
             if runs.is_empty() {
                 continue;

@@ -4,11 +4,11 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use echoloop_campaign::{Cell, Line};
 use serde_json::json;
 
 use super::STUDY;
 use super::record::Run;
-use crate::campaign::{Cell, Line};
 use crate::shell::{built, workspace};
 
 /// Seed whose towns the starts were tuned in.
@@ -46,7 +46,7 @@ fn flags(cell: &Cell, lines: &[Line<Run>], folder: &Path) -> Result<Vec<String>>
             .with_context(|| format!("cannot write {}", path.display()))?;
         Ok(format!("--warm-start={}", path.display()))
     };
-    STUDY.values("scene").map(flag).collect()
+    STUDY.names("scene").map(flag).collect()
 }
 
 /// Cell that tuned the start of a kind of scene.
@@ -77,7 +77,7 @@ mod tests {
                 tuned: judged(),
             },
         };
-        let mut lines: Vec<Line<Run>> = (0..).zip(STUDY.values("scene")).map(line).collect();
+        let mut lines: Vec<Line<Run>> = (0..).zip(STUDY.names("scene")).map(line).collect();
         let folder = tempfile::tempdir().unwrap();
         let flags = flags(cell, &lines, folder.path()).unwrap();
         assert_eq!(flags.len(), 3);
