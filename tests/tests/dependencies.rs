@@ -109,6 +109,7 @@ const ALLOWED: [(&str, &str, &[&str]); 34] = [
         "echoloop-study",
         "host/study",
         &[
+            "echoloop-campaign",
             "echoloop-closed-loop",
             "echoloop-clouds",
             "echoloop-cmaes",

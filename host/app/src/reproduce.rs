@@ -24,8 +24,8 @@ use echoloop_closed_loop::search::Observer;
 use echoloop_files::say;
 use echoloop_report::write_figures;
 use echoloop_study::{
-    Base, ByHand, Cell, Cells, Figures, Folder, FolderError, Plan, RealPair, RealRow, Selection,
-    Table, figures, judge_real, name_of, page, read_real_pairs,
+    Base, ByHand, Cell, Cells, Figures, Folder, FolderError, FolderPlan, RealPair, RealRow,
+    Selection, Table, figures, judge_real, name_of, page, read_real_pairs,
 };
 use overlays::overlays;
 use runner::Runner;
@@ -111,7 +111,7 @@ impl ReproduceArgs {
     /// Refuses an ablation that changes nothing.
     fn check_ablation(&self) -> Result<(), Failure> {
         let Selection { ablation, ranges, .. } = &self.selection;
-        let switch = ablation.iter().find(|switch| switch.sets("registration.preset"));
+        let switch = ablation.iter().find(|switch| switch.choice().sets("registration.preset"));
         match switch.filter(|_| ranges.contains(&Preset::Paper)) {
             Some(switch) => Err(Failure::usage(format!(
                 "--ablation {}: with --ranges {} nothing is switched; expected --ranges {}",
@@ -150,8 +150,8 @@ impl ReproduceArgs {
         let own = own.into_iter().filter_map(|(key, value)| Some(Override::flag(key, value?)));
         let base = Base::paper(quick.chain(self.set.iter().cloned()).chain(own).collect());
         match base.sets_an_axis() {
-            Some((key, flag)) => Err(Failure::usage(format!(
-                "--set {key}: the cells set it themselves; {flag} says which cells there are"
+            Some((key, axis)) => Err(Failure::usage(format!(
+                "--set {key}: the cells set it themselves; --{axis} says which cells there are"
             ))),
             None => Ok(base),
         }
@@ -173,7 +173,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
     args.check_by_hand()?;
     args.check_ablation()?;
     let (base, cells) = (args.base()?, args.selection().cells());
-    let plan = Plan::new(&base.config().map_err(Failure::usage)?, args.quick);
+    let plan = FolderPlan::new(&base.config().map_err(Failure::usage)?, args.quick);
     let real = args.real.as_deref().map(|list| real_pairs(args, list)).transpose()?;
     let output = args.output.as_deref().filter(|path| !is_standard_output(path));
     let output = output.map(Output::at).transpose()?;

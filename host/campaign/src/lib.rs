@@ -8,12 +8,16 @@
 //!
 //! | campaign | plan | a cell is run by | record |
 //! |---|---|---|---|
+//! | `echoloop reproduce` | `host/study/src/plan.toml` | its `runner.rs` | the user's folder |
 //! | `cargo xtask study` | `benches/plans/study.toml` | `tune` | `study.jsonl` |
 //! | `cargo xtask study --front` | the same | `tune --pareto energy` | `fronts.jsonl` |
 //! | `cargo xtask patterns` | `benches/plans/patterns.toml` | `evaluate` | `patterns.jsonl` |
 //!
-//! `xtask/src/program.rs` starts a process for each cell. A [`Line`] of `benches/record` names its
-//! commit, so that builds may differ, and has what the page needs.
+//! `echoloop reproduce` runs cells in process, where they share traced scans; the others start a
+//! process for each, in `xtask/src/program.rs`. The two kinds of record differ because their
+//! readers do. A user's folder is of one build and seed, refuses any other, and has all of a run. A
+//! [`Line`] of `benches/record` names its commit, so that builds may differ, and has what the page
+//! needs.
 
 mod line;
 mod plan;

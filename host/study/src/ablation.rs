@@ -1,129 +1,45 @@
-//! Ablations, the rows of the second table: each changes one thing. `switches.toml` lists them.
+//! Ablations, the rows of the second table, as far as they are more than settings of the plan.
 
-use std::collections::BTreeMap;
-use std::sync::LazyLock;
-
-use clap::ValueEnum;
-use clap::builder::PossibleValue;
-use serde::{Deserialize, Serialize};
-
-use super::axes::{Scene, name_of};
+use super::axes::{Ablation, Scene, name_of};
 use echoloop_closed_loop::config::{Override, RunConfig};
-
-/// An ablation: the index of its switch in the list.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
-pub struct Ablation(usize);
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct List {
-    switch: Vec<Switch>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Switch {
-    name: String,
-    help: String,
-    #[serde(default)]
-    set: BTreeMap<String, toml::Value>,
-    #[serde(default = "unchanged")]
-    beams_times: f64,
-    trained_in: Option<TrainedIn>,
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum TrainedIn {
-    OtherTown,
-    OtherKind,
-}
-
-fn unchanged() -> f64 {
-    1.0
-}
-
-/// The list; a test checks that it can be read.
-static LIST: LazyLock<Vec<Switch>> = LazyLock::new(|| {
-    let list: Result<List, _> = toml::from_str(include_str!("switches.toml"));
-    list.map(|list| list.switch).unwrap_or_default()
-});
-
-static ALL: LazyLock<Vec<Ablation>> = LazyLock::new(|| (0..LIST.len()).map(Ablation).collect());
 
 /// Training in other towns adds a multiple of this to the towns' numbers.
 const OTHER_TOWN: u64 = 100;
 
 impl Ablation {
-    /// The ablation of a name.
-    pub fn named(name: &str) -> Option<Self> {
-        LIST.iter().position(|switch| switch.name == name).map(Self)
-    }
-
-    fn switch(self) -> &'static Switch {
-        &LIST[self.0]
-    }
-
-    /// True when it sets a key of the configuration.
-    pub fn sets(self, key: &str) -> bool {
-        self.switch().set.contains_key(key)
-    }
-
-    /// Settings of the switch; `base` is the configuration without it.
-    pub fn overrides(self, base: &RunConfig) -> Vec<Override> {
-        let Switch { set, beams_times, .. } = self.switch();
-        let set = set.iter().map(|(key, value)| Override::flag(key, value.clone()));
-        let (columns, rows) = (base.scanner.columns, base.scanner.rows);
-        let along = [("scanner.columns", columns), ("scanner.rows", rows)].into_iter();
-        let beams = along.filter(|_| *beams_times != 1.0).filter_map(|(key, beams)| {
-            let beams = (f64::from(beams?) * beams_times).ceil() as u16;
+    /// Beams along each axis of the grid, where the switch multiplies them; `base` is the
+    /// configuration without it.
+    pub(super) fn beams(self, base: &RunConfig) -> impl Iterator<Item = Override> {
+        let times = match &*self.choice().name {
+            "quarter-density" => Some(0.5),
+            "fourfold-density" => Some(2.0),
+            _ => None,
+        };
+        let along =
+            [("scanner.columns", base.scanner.columns), ("scanner.rows", base.scanner.rows)];
+        along.into_iter().filter_map(move |(key, beams)| {
+            let beams = (f64::from(beams?) * times?).ceil() as u16;
             Some(Override::flag(key, i64::from(beams)))
-        });
-        set.chain(beams).collect()
+        })
     }
 
     /// Configuration whose training pairs are taken, where the switch trains elsewhere. It has the
     /// fewest held-out pairs that its towns allow, as none is used.
     pub(super) fn trained_in(self, config: &RunConfig, scene: Scene) -> Option<RunConfig> {
         let mut other = config.clone();
-        match self.switch().trained_in? {
-            TrainedIn::OtherTown => {
+        match &*self.choice().name {
+            "other-town" => {
                 // Beyond the greatest number, so that no town is one of the held-out pairs.
                 let greatest = config.scene.towns.iter().max().copied().unwrap_or_default();
                 let offset = OTHER_TOWN * (greatest / OTHER_TOWN + 1);
                 let towns = other.scene.towns.iter_mut();
                 towns.for_each(|town| *town = town.saturating_add(offset));
             }
-            TrainedIn::OtherKind => other.scene.source = name_of(scene.next()),
+            "other-kind" => other.scene.source = name_of(scene.next()),
+            _ => return None,
         }
         other.data.test_pairs = other.scene.towns.len();
         Some(other)
-    }
-}
-
-impl ValueEnum for Ablation {
-    fn value_variants<'a>() -> &'a [Self] {
-        &ALL
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        let Switch { name, help, .. } = self.switch();
-        Some(PossibleValue::new(name.as_str()).help(help.as_str()))
-    }
-}
-
-impl TryFrom<String> for Ablation {
-    type Error = String;
-
-    fn try_from(name: String) -> Result<Self, String> {
-        Self::named(&name).ok_or_else(|| format!("no switch is named {name:?}"))
-    }
-}
-
-impl From<Ablation> for String {
-    fn from(ablation: Ablation) -> Self {
-        ablation.switch().name.clone()
     }
 }
 
@@ -131,15 +47,17 @@ impl From<Ablation> for String {
 mod tests {
     use std::collections::BTreeSet;
 
-    use super::super::axes::TableMethod;
+    use clap::ValueEnum;
+
     use super::super::cell::{Base, Cell};
-    use super::super::plan::Plan;
+    use super::super::folder_plan::FolderPlan;
+    use super::super::record::fixture::start;
     use super::*;
-    use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
+    use echoloop_closed_loop::config::preset::{Protocol, Strategy};
 
     fn cell(ablation: Option<Ablation>) -> (Cell, RunConfig) {
-        let cell = Cell::start(Preset::Outdoor, TableMethod::Icp, Scene::Unstructured);
-        let cell = Cell { ablation, ..cell.searched(Strategy::Fast, Protocol::Joint) };
+        let cell = start("icp", "unstructured").searched(Strategy::Fast, Protocol::Joint);
+        let cell = Cell { ablation, ..cell };
         (cell, cell.config(&Base::paper(Vec::new())).expect("a configuration"))
     }
 
@@ -151,7 +69,7 @@ mod tests {
             let mut config = RunConfig::default();
             config.scene.towns = towns;
             let other_town = Ablation::named("other-town").unwrap();
-            let other = other_town.trained_in(&config, Scene::Structured).unwrap();
+            let other = other_town.trained_in(&config, start("icp", "structured").scene).unwrap();
             assert_eq!(other.scene.towns, expected);
             assert_eq!(other.scene.source, config.scene.source);
         }
@@ -185,11 +103,12 @@ mod tests {
             ("tenth-energy", &["emitter.energy_limit_nj", "lidar.power"]),
             ("ideal-detector", &["detector.kind"]),
         ];
-        assert_eq!(ALL.len(), expected.len());
-        let settings = |config: &RunConfig| Plan::new(config, false).settings;
+        let all = Ablation::value_variants();
+        assert_eq!(all.len(), expected.len());
+        let settings = |config: &RunConfig| FolderPlan::new(config, false).settings;
         let (plain_cell, plain) = cell(None);
         let plain = settings(&plain);
-        for (&ablation, (name, expected)) in ALL.iter().zip(expected) {
+        for (&ablation, (name, expected)) in all.iter().zip(expected) {
             assert_eq!(Ablation::named(name), Some(ablation));
             let (cell, config) = cell(Some(ablation));
             let switched = settings(&config);

@@ -1,65 +1,101 @@
-//! Axes of the table: methods and kinds of country.
+//! Plan of the table, and the values that it alone lists.
+
+use std::sync::LazyLock;
 
 use clap::ValueEnum;
+use clap::builder::PossibleValue;
+use echoloop_campaign::{Cell, Choice, Plan};
+use echoloop_closed_loop::config::preset::Preset;
 use serde::{Deserialize, Serialize};
 
-use echoloop_closed_loop::config::Override;
+/// Plan of the table.
+pub(super) static PLAN: LazyLock<Plan> = LazyLock::new(|| Plan::read(include_str!("plan.toml")));
 
-/// A method of the table. FGR has two rows, as Open3D does not run it as published.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum TableMethod {
-    /// Point-to-plane ICP.
-    Icp,
-    /// FGR as Open3D 0.20 runs it from Python, most likely the paper's.
-    #[value(name = "fgr-open3d")]
-    #[serde(rename = "fgr-open3d")]
-    FgrOpen3d,
-    /// FGR as published.
-    Fgr,
-    /// Maximal cliques.
-    Mac,
-}
+/// Axes whose values are listed by the plan alone.
+const AXES: [&str; 4] = ["ablation", "by_hand", "method", "scene"];
 
-/// Name in the table, name in the configuration, and FGR's mode, by [`TableMethod`].
-const METHODS: [(&str, &str, Option<&str>); 4] = [
-    ("ICP", "icp", None),
-    ("FGR (Open3D)", "fgr", Some("open3d")),
-    ("FGR (published)", "fgr", Some("annealed")),
-    ("MAC", "mac", None),
-];
+/// A value of one of these axes: its index in the plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct Value<const AXIS: usize>(pub(super) usize);
 
-impl TableMethod {
+/// The one thing that is switched in a cell of the second table.
+pub type Ablation = Value<0>;
+/// A case tuned by hand.
+pub type ByHand = Value<1>;
+/// A method of the table.
+pub type TableMethod = Value<2>;
+/// A kind of country.
+pub type Scene = Value<3>;
+
+impl<const AXIS: usize> Value<AXIS> {
+    /// As many values as an axis may have.
+    const ALL: &'static [Self] = &{
+        let mut all = [Self(0); 32];
+        let mut index = 0;
+        while index < all.len() {
+            all[index] = Self(index);
+            index += 1;
+        }
+        all
+    };
+
+    /// The value of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        PLAN.names(AXES[AXIS]).position(|value| value == name).map(Self)
+    }
+
     /// Name in the table.
     pub fn title(self) -> &'static str {
-        METHODS[self as usize].0
+        self.choice().title()
     }
 
-    /// Settings of a run of the method.
-    pub(super) fn overrides(self) -> impl Iterator<Item = Override> {
-        let (_, method, mode) = METHODS[self as usize];
-        let mode = mode.map(|mode| Override::flag("registration.mode", mode));
-        [Override::flag("registration.method", method)].into_iter().chain(mode)
+    /// What the plan has of it.
+    pub fn choice(self) -> &'static Choice {
+        &PLAN.values(AXES[AXIS])[self.0]
     }
 }
 
-/// A kind of country.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Scene {
-    /// Streets, facades, cars.
-    Structured,
-    /// Houses, gardens, trees.
-    SemiStructured,
-    /// Trees, bushes, rocks.
-    Unstructured,
+impl ByHand {
+    /// Method of all cases: ICP, the plan's first.
+    pub const METHOD: TableMethod = Value(0);
+
+    /// Settings of the case with some ranges, over the defaults.
+    pub(super) fn settings(self, ranges: Preset) -> Vec<String> {
+        let (case, lengths) = (name_of(self), format!("lengths-{}", name_of(ranges)));
+        PLAN.settings(&Cell::default().with("by_hand", &case).with(&lengths, &case))
+    }
 }
 
 impl Scene {
     /// The next kind; after the last the first.
     pub fn next(self) -> Self {
         let all = Self::value_variants();
-        all[(self as usize + 1) % all.len()]
+        all[(self.0 + 1) % all.len()]
+    }
+}
+
+impl<const AXIS: usize> ValueEnum for Value<AXIS> {
+    fn value_variants<'a>() -> &'a [Self] {
+        &Self::ALL[..PLAN.values(AXES[AXIS]).len()]
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(self.choice().possible())
+    }
+}
+
+impl<const AXIS: usize> TryFrom<String> for Value<AXIS> {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        Self::named(&name).ok_or_else(|| format!("no {} is named {name:?}", AXES[AXIS]))
+    }
+}
+
+impl<const AXIS: usize> From<Value<AXIS>> for String {
+    fn from(value: Value<AXIS>) -> Self {
+        value.choice().name.clone()
     }
 }
 

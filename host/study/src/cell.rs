@@ -4,9 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::ablation::Ablation;
-use super::axes::{Scene, TableMethod, name_of};
-use super::by_hand::ByHand;
+use super::axes::{Ablation, ByHand, PLAN, Scene, TableMethod, name_of};
 use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 use echoloop_closed_loop::config::{LoadError, Override, RunConfig, load};
 
@@ -38,15 +36,8 @@ pub struct Base {
     pub overrides: Vec<Override>,
 }
 
-/// Keys that the cells themselves set, and the flag that selects values of each.
-pub(super) const AXES: [(&str, &str); 6] = [
-    ("scene.source", "--scene"),
-    ("registration.method", "--method"),
-    ("registration.mode", "--method"),
-    ("registration.preset", "--ranges"),
-    ("tune.strategy", "--strategy"),
-    ("tune.protocol", "--protocol"),
-];
+/// Axes of the plan whose flags of the same name select cells.
+const AXES: [&str; 5] = ["scene", "method", "ranges", "strategy", "protocol"];
 
 impl Base {
     /// Evaluation as in the paper's Sec. 4.1, a search that minimises the error, then the changes.
@@ -78,9 +69,10 @@ impl Base {
         load(None, &self.overrides)
     }
 
-    /// A key set here that cells set themselves, and the flag to use instead.
+    /// A key set here that cells set themselves, and the axis whose flag to use instead.
     pub fn sets_an_axis(&self) -> Option<(&'static str, &'static str)> {
-        AXES.into_iter().find(|(key, _)| self.overrides.iter().any(|set| set.path() == *key))
+        let is_set = |key: &&str| self.overrides.iter().any(|set| set.path() == **key);
+        AXES.into_iter().find_map(|axis| Some((PLAN.keys(axis).find(is_set)?, axis)))
     }
 }
 
@@ -92,22 +84,21 @@ impl Cell {
     /// [`LoadError`].
     pub fn config(&self, base: &Base) -> Result<RunConfig, LoadError> {
         let mut overrides = base.overrides.clone();
-        overrides.extend(self.method.overrides());
-        overrides.extend(
-            [
-                ("scene.source", name_of(self.scene)),
-                ("registration.preset", name_of(self.ranges)),
-                ("tune.protocol", name_of(self.protocol)),
-            ]
-            .map(|(key, name)| Override::flag(key, name)),
-        );
-        let strategy = self.strategy.map(name_of);
-        overrides.extend(strategy.map(|name| Override::flag("tune.strategy", name)));
-        overrides.extend(self.by_hand.iter().flat_map(|hand| hand.overrides(self.ranges)));
+        // The settings of a case depend on the ranges too.
+        let by_hand = self.by_hand.map(|hand| hand.settings(self.ranges)).unwrap_or_default();
+        for text in PLAN.settings(&self.values()).into_iter().chain(by_hand) {
+            let setting = text.parse();
+            overrides.push(setting.map_err(|message| LoadError::Override { text, message })?);
+        }
         if let Some(ablation) = self.ablation {
-            overrides.extend(ablation.overrides(&base.config()?));
+            overrides.extend(ablation.beams(&base.config()?));
         }
         load(None, &overrides)
+    }
+
+    /// The cell's values along the plan's axes, which have the names of its fields.
+    fn values(&self) -> echoloop_campaign::Cell {
+        serde_json::to_value(self).and_then(serde_json::from_value).unwrap_or_default()
     }
 
     /// The untuned cell of a method in a scene.
@@ -221,14 +212,15 @@ pub fn tuned_by(cell: &Cell) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::record::fixture::start;
     use super::*;
     use echoloop_closed_loop::config::{FgrMode, Method};
 
     #[test]
     fn a_cell_s_configuration_has_the_pairs_and_bounds_of_its_method() {
         let base = Base::default();
-        let cell = Cell::start(Preset::Paper, TableMethod::FgrOpen3d, Scene::SemiStructured)
-            .searched(Strategy::Paper, Protocol::Lidar);
+        let start = |method| Cell { ranges: Preset::Paper, ..start(method, "semi-structured") };
+        let cell = start("fgr-open3d").searched(Strategy::Paper, Protocol::Lidar);
         let config = cell.config(&base).unwrap();
         assert_eq!(config.registration.method, Method::Fgr);
         assert_eq!(config.registration.mode, FgrMode::Open3d);
@@ -239,13 +231,14 @@ mod tests {
             (config.tune.strategy, config.tune.protocol),
             (Strategy::Paper, Protocol::Lidar)
         );
-        let icp = Cell { method: TableMethod::Icp, ..cell }.config(&base).unwrap();
+        let icp = Cell { method: start("icp").method, ..cell }.config(&base).unwrap();
         assert_eq!((icp.data.baseline_m, icp.data.success_translation_m), (2.0, 0.5));
         assert_eq!((config.data.train_pairs, icp.data.train_pairs), (10, 10));
         let fast = |method| {
-            let cell = Cell { strategy: Some(Strategy::Fast), method, ..cell };
+            let cell =
+                Cell { strategy: Some(Strategy::Fast), method: start(method).method, ..cell };
             cell.config(&base).unwrap().data.train_pairs
         };
-        assert_eq!((fast(TableMethod::Icp), fast(TableMethod::Mac)), (30, 100));
+        assert_eq!((fast("icp"), fast("mac")), (30, 100));
     }
 }

@@ -71,22 +71,23 @@ impl Times {
 
 #[cfg(test)]
 mod tests {
-    use super::super::axes::{Scene, TableMethod};
+    use super::super::axes::ByHand;
+    use super::super::record::fixture::start;
     use super::*;
-    use echoloop_closed_loop::config::preset::{Preset, Strategy};
+    use echoloop_closed_loop::config::preset::Strategy;
 
     #[test]
     fn a_search_is_estimated_by_its_like_and_before_that_by_its_start() {
-        let start = |scene| Cell::start(Preset::Outdoor, TableMethod::Mac, scene);
+        let start = |scene| start("mac", scene);
         let joint = |scene| start(scene).searched(Strategy::Fast, Protocol::Joint);
         let mut times = Times::default();
-        let left = [(joint(Scene::Structured), 100), (joint(Scene::Unstructured), 200)];
+        let left = [(joint("structured"), 100), (joint("unstructured"), 200)];
         assert_eq!(times.of(&left), None);
-        times.add(Took { cell: start(Scene::Structured), seconds: 5.0, registrations: 50 });
+        times.add(Took { cell: start("structured"), seconds: 5.0, registrations: 50 });
         assert_eq!(times.of(&left), Some(Duration::from_secs(30)));
-        times.add(Took { cell: joint(Scene::Structured), seconds: 2.0, registrations: 100 });
+        times.add(Took { cell: joint("structured"), seconds: 2.0, registrations: 100 });
         assert_eq!(times.of(&left), Some(Duration::from_secs(6)));
-        let other = [(Cell { method: TableMethod::Icp, ..joint(Scene::Structured) }, 1)];
+        let other = [(Cell { method: ByHand::METHOD, ..joint("structured") }, 1)];
         assert_eq!(times.of(&other), None);
         assert_eq!(times.seconds(), 7.0);
     }

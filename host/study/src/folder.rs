@@ -21,7 +21,7 @@ use thiserror::Error;
 
 use super::cell::Cell;
 use super::estimate::Times;
-use super::plan::Plan;
+use super::folder_plan::FolderPlan;
 use super::record::Record;
 use echoloop_closed_loop::run_folder::files::{FileError, Lock, file_error, make_folders, replace};
 
@@ -91,7 +91,7 @@ pub enum FolderError {
 pub struct Folder {
     path: PathBuf,
     /// Settings that its cells share.
-    pub plan: Plan,
+    pub plan: FolderPlan,
     _lock: Option<Lock>,
 }
 
@@ -101,7 +101,7 @@ impl Folder {
     /// # Errors
     ///
     /// [`FolderError`] names the folder, what differs, and both values; nothing is changed then.
-    pub fn open(path: &Path, plan: Plan) -> Result<Self, FolderError> {
+    pub fn open(path: &Path, plan: FolderPlan) -> Result<Self, FolderError> {
         if Self::plan_of(path)?.is_none() {
             make_folders(path)?;
         }
@@ -135,7 +135,7 @@ impl Folder {
     }
 
     /// Plan of a folder; none of a missing or empty folder.
-    fn plan_of(path: &Path) -> Result<Option<Plan>, FolderError> {
+    fn plan_of(path: &Path) -> Result<Option<FolderPlan>, FolderError> {
         if let Some(plan) = read(&path.join(PLAN))? {
             return Ok(Some(plan));
         }
@@ -266,8 +266,8 @@ mod tests {
     use super::*;
     use echoloop_closed_loop::config::RunConfig;
 
-    fn plan(seed: u64) -> Plan {
-        Plan::new(&RunConfig { seed, ..RunConfig::default() }, false)
+    fn plan(seed: u64) -> FolderPlan {
+        FolderPlan::new(&RunConfig { seed, ..RunConfig::default() }, false)
     }
 
     #[test]

@@ -7,19 +7,19 @@
 //! 5. [`figures()`] draws the paper's figures from the same records and from the searches' runs.
 //! 6. [`judge_real`] evaluates the tuned settings on real clouds.
 //!
-//! Nothing here scans: `echoloop reproduce` runs the cells.
+//! Nothing here scans: `echoloop reproduce` runs the cells. `plan.toml` is their plan; how any
+//! campaign is run: `echoloop_campaign`.
 
 mod ablation;
 mod axes;
-mod by_hand;
 mod cell;
 mod estimate;
 mod figures;
 mod folder;
+mod folder_plan;
 mod page;
 mod paired;
 mod paper;
-mod plan;
 mod real;
 mod record;
 mod selection;
@@ -27,18 +27,15 @@ mod sheet;
 mod table;
 mod wording;
 
-pub use ablation::Ablation;
-pub use axes::{Scene, TableMethod, name_of};
-pub use by_hand::ByHand;
+pub use axes::{Ablation, ByHand, Scene, TableMethod, Value, name_of};
 pub use cell::{Base, Cell, tuned, tuned_by};
 pub use estimate::{Times, Took};
 pub use figures::{Cells, Figures, LaidOn, Search, Seen, SeenPair, figures, shown_pair};
 pub use folder::{Folder, FolderError};
+pub use folder_plan::{FolderPlan, configuration};
 pub use page::page;
 pub use paired::Paired;
 pub use paper::{PaperFigures, paper};
-pub use plan::Plan;
-pub use plan::configuration;
 pub use real::{RealError, RealPair, RealRow, judge_real, read_real_pairs, real_lines};
 pub use record::{Record, TrainedIn};
 pub use selection::Selection;

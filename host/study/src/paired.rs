@@ -80,11 +80,10 @@ fn compare(joint: &Record, other: &Record) -> Option<Paired> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::record::fixture::summary;
+    use super::super::record::fixture::{start, summary};
     use super::*;
-    use crate::{Scene, TableMethod};
     use echoloop_closed_loop::config::DataConfig;
-    use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
+    use echoloop_closed_loop::config::preset::{Protocol, Strategy};
     use echoloop_closed_loop::dataset::fingerprint::Content;
     use echoloop_closed_loop::parameters::Values;
 
@@ -94,7 +93,7 @@ mod tests {
             cell: Cell {
                 strategy: (protocol != Protocol::Default).then_some(Strategy::Fast),
                 protocol,
-                ..Cell::start(Preset::Outdoor, TableMethod::Icp, Scene::Structured)
+                ..start("icp", "structured")
             },
             seed: 1,
             version: String::new(),

@@ -68,7 +68,15 @@ impl Record {
 #[cfg(test)]
 pub(super) mod fixture {
     use super::*;
+    use crate::{Scene, TableMethod};
+    use echoloop_closed_loop::config::preset::Preset;
     use echoloop_closed_loop::evaluation::objective::PairError;
+
+    /// The untuned cell of a method in a kind of scene.
+    pub(crate) fn start(method: &str, scene: &str) -> Cell {
+        let (method, scene) = (TableMethod::named(method), Scene::named(scene));
+        Cell::start(Preset::Outdoor, method.expect("a method"), scene.expect("a scene"))
+    }
 
     /// Summary of pairs with these translation errors, m, and as many degrees.
     pub(crate) fn summary(errors_m: &[f64]) -> Summary {

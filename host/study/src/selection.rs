@@ -2,9 +2,7 @@
 
 use clap::{Args, ValueEnum};
 
-use super::ablation::Ablation;
-use super::axes::{Scene, TableMethod};
-use super::by_hand::ByHand;
+use super::axes::{Ablation, ByHand, Scene, TableMethod};
 use super::cell::Cell;
 use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 
@@ -64,7 +62,8 @@ impl Selection {
     pub fn set_by_hand(&self) -> Vec<Cell> {
         let of_method = Self { method: vec![ByHand::METHOD], ..self.clone() };
         let starts = of_method.product(None, None, &[Protocol::Default]);
-        let by_hand = |cell: Cell| ByHand::ALL.map(|hand| Cell { by_hand: Some(hand), ..cell });
+        let all = ByHand::value_variants();
+        let by_hand = |cell| all.iter().map(move |&hand| Cell { by_hand: Some(hand), ..cell });
         starts.into_iter().flat_map(by_hand).collect()
     }
 

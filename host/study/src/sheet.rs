@@ -57,17 +57,14 @@ impl Table {
         });
         let by_hand = self.sorted(
             |cell| cell.by_hand.is_some(),
-            |cell| {
-                let hand = cell.by_hand.map(|hand| hand as usize);
-                (cell.ranges as usize, cell.scene as usize, hand)
-            },
+            |cell| (cell.ranges as usize, cell.scene, cell.by_hand),
         );
         let switches = self.sorted(
             |cell| cell.ablation.is_some(),
             |cell| {
                 let Cell { ablation, ranges, strategy, protocol, method, scene, .. } = *cell;
                 let search = (ranges as usize, strategy.map(|strategy| strategy as usize));
-                (ablation, method as usize, scene as usize, search, protocol as usize)
+                (ablation, method, scene, search, protocol as usize)
             },
         );
         let others = [(Part::ByHand, by_hand), (Part::Switches, switches)].into_iter();

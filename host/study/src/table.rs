@@ -5,9 +5,9 @@ use serde::Serialize;
 use super::axes::distinct;
 use super::cell::Cell;
 use super::folder::{Folder, FolderError};
+use super::folder_plan::FolderPlan;
 use super::paired::{Paired, paired};
 use super::paper::{PaperFigures, paper};
-use super::plan::Plan;
 use super::real::RealRow;
 use super::record::{Record, TrainedIn};
 use echoloop_closed_loop::config::preset::{Preset, Strategy};
@@ -21,7 +21,7 @@ pub struct Table {
     /// Version of this format.
     pub format: u32,
     /// Settings that all cells share.
-    pub plan: Plan,
+    pub plan: FolderPlan,
     /// The cells, in the order they are run.
     pub rows: Vec<Row>,
     /// Verdict on joint tuning, for each method, scene, range and strategy.
@@ -139,8 +139,7 @@ impl Table {
             let same = cell.strategy == strategy || cell.strategy.is_none();
             cell.is_of_the_table() && cell.ranges == ranges && same
         };
-        let place =
-            |cell: &Cell| [cell.method as usize, cell.scene as usize, cell.protocol as usize];
+        let place = |cell: &Cell| (cell.method, cell.scene, cell.protocol as usize);
         self.sorted(is_of, place)
     }
 
@@ -214,16 +213,14 @@ fn is_best_or_holds(own: Estimate, best: f64, more_is_better: bool) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::axes::{Scene, TableMethod};
-    use super::super::record::fixture::summary;
+    use super::super::record::fixture::{start, summary};
     use super::*;
     use echoloop_closed_loop::config::DataConfig;
     use echoloop_closed_loop::config::preset::Protocol;
 
     fn row(protocol: Protocol, errors_m: &[f64]) -> Row {
         let strategy = (protocol != Protocol::Default).then_some(Strategy::Fast);
-        let start = Cell::start(Preset::Outdoor, TableMethod::Icp, Scene::Structured);
-        let cell = Cell { strategy, protocol, ..start };
+        let cell = Cell { strategy, protocol, ..start("icp", "structured") };
         let figures =
             (!errors_m.is_empty()).then(|| Figures::of(&summary(errors_m), &DataConfig::default()));
         Row { cell, paper: None, figures, made: None, error: None }

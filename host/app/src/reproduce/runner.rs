@@ -12,6 +12,7 @@ use super::super::interrupt::INTERRUPTED;
 use super::super::prepared::{all_pairs, connect};
 use super::super::progress::Progress;
 use super::super::report::write_page;
+use echoloop_campaign::Unfinished;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::config::preset::Protocol;
 use echoloop_closed_loop::dataset::Dataset;
@@ -57,24 +58,19 @@ impl<'a> Runner<'a> {
 
     /// Runs the unfinished cells. A failure is reported and recorded; the other cells go on.
     pub(super) fn run(&mut self, cells: &[Cell]) -> Result<(), Failure> {
-        let (mut left, mut done) = (Vec::new(), 0);
-        for cell in cells {
-            match self.folder.record(cell) {
-                Ok(Some(_)) => done += 1,
-                Ok(None) => left.push((*cell, self.registrations(cell))),
-                // An unusable record is kept, and its cell is not run.
-                Err(error) => self.progress.say(&format!("failed: {cell}: {error}")),
+        let unfinished = Unfinished::of(cells, |cell| match self.folder.record(cell) {
+            Ok(record) => Some(record.is_some()),
+            Err(error) => {
+                self.progress.say(&format!("failed: {cell}: {error}"));
+                None
             }
-        }
+        });
+        let left = unfinished.cells.iter().map(|cell| (**cell, self.registrations(cell)));
+        let left: Vec<(Cell, usize)> = left.collect();
         let begun = Instant::now();
+        let done = unfinished.done;
         self.progress.say(&format!("{} cells, {done} of them done before", cells.len()));
-        for number in 0..left.len() {
-            if self.stop.load(Ordering::Relaxed) {
-                return Err(self.interrupted(left.len() - number));
-            }
-            let place = format!("cell {} of {}", done + number + 1, cells.len());
-            self.run_first(&left[number..], &place)?;
-        }
+        unfinished.run(|index, place| self.run_first(&left[index..], place))?;
         if !left.is_empty() {
             self.progress.say(&format!(
                 "{} cells took {}; all that are in the folder {}",
@@ -89,11 +85,14 @@ impl<'a> Runner<'a> {
     /// Runs the first of the cells left, and saves its record or the reason of its failure.
     fn run_first(&mut self, left: &[(Cell, usize)], place: &str) -> Result<(), Failure> {
         let [(cell, registrations), ..] = left else { return Ok(()) };
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(self.interrupted(left.len()));
+        }
         let rest = self.times.of(left);
         let rest = rest.map_or("time left not known yet".into(), |rest| {
             format!("about {} left", HumanDuration(rest))
         });
-        self.progress.say(&format!("{place}: {cell}; {rest}"));
+        self.progress.say(&format!("cell {place}: {cell}; {rest}"));
         match self.run_cell(cell, *registrations) {
             Ok((record, took)) => {
                 self.folder.save(&record)?;
@@ -283,21 +282,23 @@ mod tests {
     #[test]
     fn cells_share_scans_unless_place_distance_or_scanner_differ() {
         let base = Base::paper(Vec::new());
-        let cell = Cell::start(Preset::Outdoor, TableMethod::Fgr, Scene::Structured)
+        let method = |name| TableMethod::named(name).unwrap();
+        let scene = |name| Scene::named(name).unwrap();
+        let cell = Cell::start(Preset::Outdoor, method("fgr"), scene("structured"))
             .searched(Strategy::Paper, Protocol::Joint);
         let key = |cell: Cell| scan_key(&cell.config(&base).unwrap());
         let same = [
             Cell { ranges: Preset::Paper, ..cell },
             Cell { protocol: Protocol::Lidar, ..cell },
-            Cell { method: TableMethod::Mac, ..cell },
-            Cell { method: TableMethod::FgrOpen3d, ..cell },
+            Cell { method: method("mac"), ..cell },
+            Cell { method: method("fgr-open3d"), ..cell },
             Cell { ablation: Ablation::named("rain"), ..cell },
             Cell { ablation: Ablation::named("tenth-energy"), ..cell },
         ];
         assert!(same.iter().all(|other| key(*other) == key(cell)));
         let others = [
-            Cell { scene: Scene::Unstructured, ..cell },
-            Cell { method: TableMethod::Icp, ..cell },
+            Cell { scene: scene("unstructured"), ..cell },
+            Cell { method: method("icp"), ..cell },
             Cell { ablation: Ablation::named("motion"), ..cell },
             Cell { ablation: Ablation::named("quarter-density"), ..cell },
         ];

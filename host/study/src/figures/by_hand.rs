@@ -1,14 +1,14 @@
 //! Fig. 1: settings tuned by hand, the default, and our joint tuning.
 
-use super::super::axes::{Scene, name_of};
-use super::super::by_hand::ByHand;
+use super::super::axes::{ByHand, Scene, name_of};
 use super::super::cell::Cell;
 use super::super::record::Record;
 use super::Drawn;
 use super::cells::Cells;
 use super::errors::{PARTS, Part};
 use super::search::Search;
-use echoloop_closed_loop::config::preset::Protocol;
+use clap::ValueEnum;
+use echoloop_closed_loop::config::preset::{Preset, Protocol};
 use echoloop_closed_loop::evaluation::objective::PairError;
 use echoloop_closed_loop::evaluation::summary::succeeds;
 use echoloop_report::{Panel, PanelDrawing, Plate, StripRow, Strips, fixed};
@@ -25,8 +25,9 @@ fn rows(search: &Search, scene: Scene) -> Vec<Cell> {
     let is_wanted = |cell: &&Cell| matches!(cell.protocol, Protocol::Default | Protocol::Joint);
     let mut rows: Vec<Cell> = search.of(ByHand::METHOD, scene).filter(is_wanted).copied().collect();
     let start = rows.first().map(Cell::untuned).into_iter();
-    let hands =
-        start.flat_map(|start| ByHand::ALL.map(|hand| Cell { by_hand: Some(hand), ..start }));
+    let by_hand = |start, hand| Cell { by_hand: Some(hand), ..start };
+    let all = ByHand::value_variants();
+    let hands = start.flat_map(|start| all.iter().map(move |&hand| by_hand(start, hand)));
     let place = usize::from(rows.iter().any(|cell| cell.protocol == Protocol::Default));
     rows.splice(place..place, hands.collect::<Vec<_>>());
     rows
@@ -68,22 +69,40 @@ fn plate(cells: &Cells, search: &Search) -> Result<Plate, String> {
 }
 
 fn caption(cells: &Cells, search: &Search, all: &[Cell]) -> String {
-    let cases = ByHand::ALL.map(|hand| {
-        format!("Case {} ({}): {}.", hand.number(), name_of(hand), hand.in_words(search.ranges))
+    let cases = ByHand::value_variants().iter().map(|&hand| {
+        format!("Case {} ({}): {}.", hand.0 + 1, name_of(hand), in_words(hand, search.ranges))
     });
     format!(
         "The error of every held-out pair with the default, with three cases tuned by hand as the \
          paper describes them, and with both tuned by the search; at the right the recall. {} All \
          else is the default. {}",
-        cases.join(" "),
+        cases.collect::<Vec<_>>().join(" "),
         cells.sources(all)
     )
+}
+
+/// Settings of a case in words.
+fn in_words(case: ByHand, ranges: Preset) -> String {
+    let words = |setting: &String| {
+        let (key, value) = setting.split_once('=').unwrap_or((setting, ""));
+        match key {
+            "lidar.power" => format!("{value} W"),
+            "lidar.gain" => format!(", gain {value} dB"),
+            "lidar.noise_floor" => format!(", noise floor {value} of full scale"),
+            "lidar.snr_threshold" => format!(", threshold {value} σ"),
+            "registration.normal_neighbours" => format!("; normals of {value} points"),
+            "registration.normal_radius_m" => format!(" within {value} m"),
+            "registration.max_pair_distance_m" => format!(", pairs up to {value} m"),
+            _ => format!(", {setting}"),
+        }
+    };
+    case.settings(ranges).iter().map(words).collect()
 }
 
 /// Row of a cell; empty where it is not finished.
 fn row(cell: &Cell, record: Option<&Record>, part: &Part) -> StripRow {
     let name = match cell.by_hand {
-        Some(hand) => format!("{} {}", hand.number(), name_of(hand)),
+        Some(hand) => format!("{} {}", hand.0 + 1, name_of(hand)),
         None => name_of(cell.protocol),
     };
     let pair = |of: &Record, error: &PairError| ((part.read)(error), succeeds(error, &of.data));

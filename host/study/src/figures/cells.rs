@@ -2,7 +2,7 @@
 
 use super::super::cell::Cell;
 use super::super::folder::Folder;
-use super::super::plan::Plan;
+use super::super::folder_plan::FolderPlan;
 use super::super::record::Record;
 use super::super::selection::Selection;
 use super::super::table::Table;
@@ -14,7 +14,7 @@ use echoloop_report::finished_runs::{FinishedRun, RunError};
 #[derive(Clone, Debug)]
 pub struct Cells {
     /// Settings that the cells share.
-    pub plan: Plan,
+    pub plan: FolderPlan,
     /// The searches.
     pub searches: Vec<Search>,
     /// Wording for cells that are missing.

@@ -4,7 +4,7 @@ use clap::ValueEnum;
 
 use super::super::axes::name_of;
 use super::super::cell::{Base, Cell};
-use super::super::plan::Plan;
+use super::super::folder_plan::FolderPlan;
 
 /// Wording for missing cells of a folder.
 #[derive(Clone, Debug)]
@@ -15,8 +15,9 @@ pub(super) struct Missing {
 
 impl Missing {
     /// Wording for a folder of this plan, whose unusual settings the command repeats.
-    pub(super) fn of(plan: &Plan) -> Self {
-        let usual = Base::usual(plan.quick).config().map(|config| Plan::new(&config, plan.quick));
+    pub(super) fn of(plan: &FolderPlan) -> Self {
+        let usual =
+            Base::usual(plan.quick).config().map(|config| FolderPlan::new(&config, plan.quick));
         let usual = usual.map(|plan| plan.settings).unwrap_or_default();
         let differs = |(key, value): &(&String, &String)| usual.get(*key) != Some(value);
         let set = plan.settings.iter().filter(differs).map(|(key, value)| match key.as_str() {

@@ -14,7 +14,7 @@ use echoloop_report::finished_runs::flatten;
 /// Settings that all cells of a folder share. Cells of two plans never stand in one table.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Plan {
+pub struct FolderPlan {
     /// Version of this format.
     pub format: u32,
     /// Version of the program.
@@ -31,7 +31,7 @@ pub struct Plan {
     pub settings: BTreeMap<String, String>,
 }
 
-impl Plan {
+impl FolderPlan {
     /// Version of the format that is written.
     pub const FORMAT: u32 = 1;
 
@@ -105,16 +105,22 @@ mod tests {
     #[test]
     fn the_first_difference_of_two_plans_is_named_with_both_values() {
         let config = RunConfig::default();
-        let plan = Plan::new(&config, false);
-        assert_eq!(plan.difference(&Plan::new(&config, false)), None);
+        let plan = FolderPlan::new(&config, false);
+        assert_eq!(plan.difference(&FolderPlan::new(&config, false)), None);
         let mut other = config.clone();
         other.data.test_pairs = 7;
         let named = |a: &str, b: &str, c: &str| Some((a.into(), b.into(), c.into()));
-        assert_eq!(plan.difference(&Plan::new(&other, false)), named("data.test_pairs", "40", "7"));
+        assert_eq!(
+            plan.difference(&FolderPlan::new(&other, false)),
+            named("data.test_pairs", "40", "7")
+        );
         other.seed = 9;
-        assert_eq!(plan.difference(&Plan::new(&other, false)), named("seed", "1", "9"));
-        assert_eq!(plan.difference(&Plan::new(&config, true)), named("--quick", "false", "true"));
-        let older = Plan { version: "0.0.1".into(), ..plan.clone() };
+        assert_eq!(plan.difference(&FolderPlan::new(&other, false)), named("seed", "1", "9"));
+        assert_eq!(
+            plan.difference(&FolderPlan::new(&config, true)),
+            named("--quick", "false", "true")
+        );
+        let older = FolderPlan { version: "0.0.1".into(), ..plan.clone() };
         assert_eq!(older.difference(&plan).unwrap().0, "version");
     }
 }
