@@ -253,7 +253,9 @@ fn no_reader_takes_more_than_eight_times_its_file_and_64_mb() {
         ("a.ply", cloud, Box::new(|| wide_ply("ascii", "double", b"1 1 1 1 1 1 1 1 1 1 1\n"))),
         ("a.bin", cloud, Box::new(|| repeated("", &[0, 0, 128, 63], &[]))),
         ("a.xyz", cloud, Box::new(|| repeated("", b"1 1 1\n", &[]))),
+        ("a.xyz", cloud, Box::new(|| repeated("", b"2e3 1 1\n", &[]))),
         ("a.xyz", cloud, Box::new(|| repeated("x,y,z", b",1", &[]))),
+        ("a.ply", cloud, Box::new(|| wide_ply("binary_little_endian", "short", &[9; 22]))),
         (
             "a.vtk",
             cloud,
@@ -291,5 +293,5 @@ fn no_reader_takes_more_than_eight_times_its_file_and_64_mb() {
         }
     }
     assert!(broken.is_empty(), "{}", broken.join("\n"));
-    assert_eq!(taken, 18, "number of valid files");
+    assert_eq!(taken, 20, "number of valid files");
 }

@@ -65,7 +65,7 @@ impl CloudOutput {
 
     /// Writes a cloud; a file whole or not at all.
     pub(super) fn write(&self, recorded: &Recorded) -> Result<(), Failure> {
-        let bytes = self.format.bytes(&recorded.cloud, &recorded.columns);
+        let bytes = self.format.recorded(recorded);
         match &self.file {
             Some(file) => Ok(file.write(&bytes)?),
             None => print_bytes(&bytes),

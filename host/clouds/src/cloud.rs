@@ -40,7 +40,7 @@ impl Cloud {
     }
 }
 
-fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {
+pub(crate) fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {
     let mut kept = keep.iter().copied();
     values.retain(|_| kept.next().unwrap_or(true));
 }

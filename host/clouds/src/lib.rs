@@ -3,7 +3,7 @@
 //!
 //! | to | take |
 //! |---|---|
-//! | read points alone | [`read_cloud`], [`parse_cloud`] |
+//! | read points alone | [`read_cloud`], [`parse_cloud`]; survey coordinates [`read_points`] |
 //! | keep intensity, ring, time and every other column | [`read_recorded`], [`parse_recorded`] |
 //! | write | [`write_cloud`], [`write_recorded`], [`CloudFormat`] |
 //! | read a pose or a trajectory, compare two poses | [`pose`] |
@@ -11,7 +11,8 @@
 //!
 //! The formats, and an example: `README.md`.
 //!
-//! Lengths are metres, coordinates `f32`. A [`Pose`] is called by what it maps: `a_from_b`. Readers
+//! Lengths are metres. Coordinates are `f32`; of survey coordinates, as UTM's, a shift is taken out
+//! first ([`survey`]). A [`Pose`] is called by what it maps: `a_from_b`. Readers
 //! take bounded memory, and refuse a bad file by its name, with what was expected and what was
 //! found. Registration of clouds is in `echoloop-registration`.
 
@@ -21,6 +22,7 @@ mod format;
 pub mod pose;
 mod read;
 mod recorded;
+pub mod survey;
 mod write;
 
 pub use cloud::{Cloud, Dropped, is_finite};
@@ -28,7 +30,7 @@ pub use echoloop_files::{Column, FileError, NumberType, attribute};
 pub use error::CloudError;
 pub use format::{CloudFormat, read_formats};
 pub use pose::Pose;
-pub use read::{parse_cloud, parse_recorded, read_cloud, read_recorded};
+pub use read::{parse_cloud, parse_recorded, read_cloud, read_points, read_recorded};
 pub use recorded::Recorded;
 pub use write::{write_cloud, write_recorded};
 

@@ -12,33 +12,39 @@ use crate::{Cloud, Dropped};
 /// Reads the points of a file, in metres, and their σ_R.
 ///
 /// PLY and PCD may have a `range_sd`, which becomes [`Cloud::range_sd_m`]. Everything else is
-/// ignored, the viewpoint of a PCD too; [`read_recorded`] keeps the columns. Coordinates become
-/// `f32`, which at 500 km is a step of 3 cm: shift map coordinates before. Points that are no echo
-/// are left out and counted.
+/// ignored, the viewpoint of a PCD too; [`read_recorded`] keeps the columns. Points that are no
+/// echo are left out and counted.
 ///
 /// # Errors
 ///
-/// [`CloudError`] names the file and what was expected of it. A file without an echo is an error.
+/// [`CloudError`] names the file and what was expected of it. A file without an echo is an error,
+/// and so are survey coordinates that `f32` does not hold: [`read_points`] takes a shift out of
+/// them.
 pub fn read_cloud(path: &Path) -> Result<(Cloud, Dropped), CloudError> {
-    read(path, Keep::Points).map(|(recorded, dropped)| (recorded.cloud, dropped))
+    near(path, read(path, Keep::Points)?)
 }
 
-/// [`read_cloud`] with everything that a PLY or a PCD says of each point, and KITTI's intensity.
+/// [`read_cloud`] of any coordinates up to [`MOST_COORDINATE_M`](crate::survey::MOST_COORDINATE_M):
+/// far from the origin the cloud gets a [shift](Recorded::shift_m).
+pub fn read_points(path: &Path) -> Result<(Recorded, Dropped), CloudError> {
+    read(path, Keep::Points).map(located)
+}
+
+/// [`read_points`] with everything that a PLY or a PCD says of each point, and KITTI's intensity.
 pub fn read_recorded(path: &Path) -> Result<(Recorded, Dropped), CloudError> {
-    read(path, Keep::All)
+    read(path, Keep::All).map(located)
 }
 
 /// [`read_cloud`] of bytes in memory; the extension of `path` tells the format.
 pub fn parse_cloud(path: &Path, bytes: &[u8]) -> Result<(Cloud, Dropped), CloudError> {
     let format = format_of(path)?;
-    let (recorded, dropped) = checked(path, (format.read)(bytes, Keep::Points))?;
-    Ok((recorded.cloud, dropped))
+    near(path, checked(path, (format.read)(bytes, Keep::Points))?)
 }
 
 /// [`read_recorded`] of bytes in memory; the extension of `path` tells the format.
 pub fn parse_recorded(path: &Path, bytes: &[u8]) -> Result<(Recorded, Dropped), CloudError> {
     let format = format_of(path)?;
-    checked(path, (format.read)(bytes, Keep::All))
+    checked(path, (format.read)(bytes, Keep::All)).map(located)
 }
 
 fn read(path: &Path, keep: Keep) -> Result<(Recorded, Dropped), CloudError> {
@@ -46,6 +52,18 @@ fn read(path: &Path, keep: Keep) -> Result<(Recorded, Dropped), CloudError> {
     let format = format_of(path)?;
     let bytes = read_data(path).map_err(FileError::io(path))?;
     checked(path, (format.read)(&bytes, keep))
+}
+
+fn near(
+    path: &Path,
+    (recorded, dropped): (Recorded, Dropped),
+) -> Result<(Cloud, Dropped), CloudError> {
+    Ok((recorded.into_cloud().map_err(FileError::content(path))?, dropped))
+}
+
+fn located((mut recorded, dropped): (Recorded, Dropped)) -> (Recorded, Dropped) {
+    recorded.locate();
+    (recorded, dropped)
 }
 
 fn format_of(path: &Path) -> Result<&'static Format, FileError> {
@@ -56,10 +74,11 @@ fn format_of(path: &Path) -> Result<&'static Format, FileError> {
     READ.iter().find(has).ok_or_else(expected).map_err(FileError::content(path))
 }
 
-/// Leaves out points that are no echo. Refuses a cloud with a bad σ_R, or without an echo.
+/// Leaves out points that are no echo. Refuses a cloud with a bad σ_R, with coordinates that are
+/// too large, or without an echo.
 fn checked(path: &Path, read: Result<Recorded, String>) -> Result<(Recorded, Dropped), CloudError> {
     let mut recorded = read.map_err(FileError::content(path))?;
-    recorded.check_sds().map_err(FileError::content(path))?;
+    recorded.check_range().and_then(|()| recorded.check_sds()).map_err(FileError::content(path))?;
     let dropped = recorded.drop_invalid();
     if recorded.cloud.points.is_empty() {
         return Err(CloudError::Empty { path: path.into(), dropped });
@@ -73,6 +92,7 @@ mod tests {
     use super::*;
     use echoloop_files::Column;
     use echoloop_files::attribute::{ATTRIBUTES, Attribute, RING};
+    use nalgebra::{Point3, Vector3};
 
     use crate::{CloudFormat, write_cloud};
 
@@ -296,7 +316,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         for name in ["cloud.ply", "cloud.PCD"] {
             let path = folder.path().join(name);
-            let mut cloud = Cloud::new(vec![[0.1, -2.0, 3e7].into(), [1.0, 0.0, -0.0].into()]);
+            let mut cloud = Cloud::new(vec![[0.1, -2.0, 300.0].into(), [1.0, 0.0, -0.0].into()]);
             write_cloud(&path, &cloud).unwrap();
             assert_eq!(read_cloud(&path).unwrap(), (cloud.clone(), Dropped::default()));
             cloud.range_sd_m = Some(vec![0.02, 0.0]);
@@ -310,9 +330,57 @@ mod tests {
         assert!(refusal.to_string().contains(&CloudFormat::extensions()), "{refusal}");
     }
 
+    #[test]
+    fn survey_coordinates_come_from_each_format_and_go_as_they_came() {
+        let at: [f64; 3] = [694_386.123_456_7, 5_155_487.765_432_1, 381.012_345_6];
+        let body: Vec<u8> = at.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let big: Vec<u8> = at.iter().flat_map(|v| v.to_be_bytes()).collect();
+        let text = format!("{} {} {}\n", at[0], at[1], at[2]);
+        let ply = "ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty double x\n\
+                   property double y\nproperty double z\nend_header\n";
+        let pcd = "VERSION 0.7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1\n\
+                   HEIGHT 1\nPOINTS 1\nDATA ";
+        let vtk = format!("{VTK}BINARY\nDATASET POLYDATA\nPOINTS 1 double\n");
+        let table = [
+            ("a.ply", bytes(ply, &body)),
+            ("a.pcd", bytes(&format!("{pcd}binary\n"), &body)),
+            ("b.pcd", bytes(&format!("{pcd}ascii\n"), text.as_bytes())),
+            ("a.vtk", bytes(&vtk, &big)),
+            ("a.xyz", text.into_bytes()),
+        ];
+        for (name, content) in table {
+            let (found, _) = parse_recorded(Path::new(name), &content).unwrap();
+            assert_eq!(found.shift_m, Vector3::new(694_386.0, 5_155_488.0, 383.0), "{name}");
+            let near = found.cloud.points[0].cast::<f64>() + found.shift_m;
+            assert!((near - Point3::from(at)).norm() < 1e-6, "{name}");
+            for format in CloudFormat::ALL {
+                let path = Path::new("again").with_extension(format.name());
+                let (again, _) = parse_recorded(&path, &format.recorded(&found)).unwrap();
+                assert_eq!(again.exact.unwrap().at_m, [Point3::from(at)], "{name} {format:?}");
+            }
+            let refusal = parse_cloud(Path::new(name), &content).unwrap_err().to_string();
+            assert!(refusal.contains(name) && refusal.contains("survey coordinates"), "{refusal}");
+        }
+    }
+
+    #[test]
+    fn doubles_near_the_origin_have_no_shift_and_are_written_as_doubles() {
+        let at: [f64; 3] = [0.1, -2.0, 300.0];
+        let body: Vec<u8> = at.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let ply = "ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty double x\n\
+                   property double y\nproperty double z\nend_header\n";
+        let file = bytes(ply, &body);
+        let (found, _) = parse_recorded(Path::new("a.ply"), &file).unwrap();
+        assert_eq!(found.shift_m, Vector3::zeros());
+        assert_eq!(CloudFormat::Ply.recorded(&found), file);
+        assert_eq!(found.cloud, parse_cloud(Path::new("a.ply"), &file).unwrap().0);
+        let (text, _) = parse_recorded(Path::new("a.xyz"), b"0.1 -2 300\n").unwrap();
+        assert_eq!((&text.cloud, &text.exact), (&found.cloud, &None), "text has no type");
+    }
+
     /// Two points with every attribute, each number another.
     fn with_every_attribute() -> Recorded {
-        let points = vec![[0.1, -2.0, 3e7].into(), [1.0, 0.0, -0.0].into()];
+        let points = vec![[0.1, -2.0, 300.0].into(), [1.0, 0.0, -0.0].into()];
         let others = ATTRIBUTES.iter().filter(|attribute| attribute.name != "range_sd");
         let column = |(i, attribute): (usize, &Attribute)| {
             let i = i as f64;
@@ -321,7 +389,7 @@ mod tests {
         Recorded {
             cloud: Cloud { range_sd_m: Some(vec![0.02, 0.0]), ..Cloud::new(points) },
             columns: others.enumerate().map(column).collect(),
-            left_out: Vec::new(),
+            ..Recorded::default()
         }
     }
 

@@ -1,10 +1,12 @@
 //! A cloud with everything that its file says of each point.
 
 use echoloop_files::attribute::RANGE_SD;
-use echoloop_files::{Column, NumberType};
-use nalgebra::Vector3;
+use echoloop_files::{Column, Coordinates, NumberType};
+use nalgebra::{Point3, Vector3};
 
+use crate::cloud::retain;
 use crate::pose::Pose;
+use crate::survey::{Exact, Precision, check_range, refuse_shift, shift_m};
 use crate::{Cloud, Dropped};
 
 /// Names of normals in files: those of PLY, and those of PCL in PCD.
@@ -22,11 +24,18 @@ pub(crate) enum Keep {
 
 /// A cloud with everything else that its file says of each point.
 ///
-/// Points that are removed from the cloud are removed from the columns too.
+/// Points that are removed from the cloud are removed from the columns too. Survey coordinates,
+/// too far from the origin for `f32`, are near zero in the cloud: `shift_m` is taken from them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recorded {
-    /// The points, with their σ_R if the file has it.
+    /// The points, with their σ_R if the file has it, in the frame of the file less `shift_m`.
     pub cloud: Cloud,
+    /// Origin of the cloud in the frame of the file, whole metres; zero unless the points are more
+    /// than 1 km from the origin.
+    pub shift_m: Vector3<f64>,
+    /// The coordinates of the same points that `f32` does not hold: those of a cloud with a shift,
+    /// and those that a file has as `f64`.
+    pub exact: Option<Exact>,
     /// Everything else that has one number per point; each column is as long as the cloud.
     pub columns: Vec<Column>,
     /// Names of the fields with several numbers per point, which are not read.
@@ -34,9 +43,81 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// A cloud without columns.
-    pub(crate) fn of(cloud: Cloud) -> Self {
-        Self { cloud, ..Self::default() }
+    /// A cloud without columns, as its file has it: without a shift.
+    pub(crate) fn of(coordinates: Coordinates, range_sd_m: Option<Vec<f32>>) -> Self {
+        let wide = |points: Vec<[f64; 3]>, precision| {
+            let at_m = points.into_iter().map(Point3::from).collect();
+            Some(Exact { at_m, precision })
+        };
+        let (single, exact) = match coordinates {
+            Coordinates::Single(points) => (points.into_iter().map(Point3::from).collect(), None),
+            Coordinates::Wide(points) => (Vec::new(), wide(points, Precision::Wide)),
+            Coordinates::Double(points) => (Vec::new(), wide(points, Precision::Double)),
+        };
+        let cloud = Cloud { range_sd_m, ..Cloud::new(single) };
+        let mut recorded = Self { cloud, exact, ..Self::default() };
+        recorded.narrow();
+        recorded
+    }
+
+    /// Computes the points of the cloud from the exact coordinates, if there are any.
+    fn narrow(&mut self) {
+        if let Some(exact) = &self.exact {
+            let near = |p: &Point3<f64>| (p - self.shift_m).cast();
+            self.cloud.points.clear(); // in place, to take no more memory
+            self.cloud.points.extend(exact.at_m.iter().map(near));
+        }
+    }
+
+    /// Coordinates in the frame of the file, m.
+    fn coordinates(&self) -> Box<dyn ExactSizeIterator<Item = Point3<f64>> + '_> {
+        match &self.exact {
+            Some(exact) => Box::new(exact.at_m.iter().copied()),
+            None => Box::new(self.cloud.points.iter().map(|p| p.cast() + self.shift_m)),
+        }
+    }
+
+    /// Chooses the shift for the points where they are. Exact coordinates are kept where they are
+    /// needed.
+    pub(crate) fn locate(&mut self) {
+        let shift_m = shift_m(self.coordinates());
+        if self.exact.is_none() && shift_m != Vector3::zeros() {
+            let at_m = self.coordinates().collect();
+            self.exact = Some(Exact { at_m, precision: Precision::Single });
+        }
+        self.shift_by(shift_m);
+        let is_double = |exact: &mut Exact| exact.precision == Precision::Double;
+        if shift_m == Vector3::zeros() && !self.exact.as_mut().is_some_and(is_double) {
+            self.exact = None;
+        }
+    }
+
+    /// Sets the shift, whole metres, of a cloud that has one, so that it is near another's frame.
+    pub fn shift_by(&mut self, shift_m: Vector3<f64>) {
+        if self.shift_m != shift_m && self.exact.is_some() {
+            self.shift_m = shift_m;
+            self.narrow();
+        }
+    }
+
+    /// The centre of the points in the frame of the file, m; the origin without points.
+    #[must_use]
+    pub fn centre_m(&self) -> Point3<f64> {
+        let sum: Vector3<f64> = self.cloud.points.iter().map(|p| p.coords.cast::<f64>()).sum();
+        Point3::from(self.shift_m + sum / self.cloud.points.len().max(1) as f64)
+    }
+
+    /// The cloud alone, in the frame of the file; refuses coordinates that `f32` does not hold.
+    pub(crate) fn into_cloud(self) -> Result<Cloud, String> {
+        if self.exact.is_some() {
+            refuse_shift(&shift_m(self.coordinates()))?;
+        }
+        Ok(self.cloud)
+    }
+
+    /// Refuses coordinates that are too large.
+    pub(crate) fn check_range(&self) -> Result<(), String> {
+        check_range(self.coordinates())
     }
 
     /// Removes points that are no echo, and counts them.
@@ -45,15 +126,26 @@ impl Recorded {
         let dropped = self.cloud.drop_invalid();
         if dropped.total() > 0 {
             self.columns.iter_mut().for_each(|column| column.retain(&keep));
+            self.exact.iter_mut().for_each(|exact| retain(&mut exact.at_m, &keep));
         }
         dropped
     }
 
-    /// Moves the points from their frame to a new one and turns their normals, those among the
-    /// columns too. Other columns stay: σ_R is along the beam, and the beam moves with the points.
+    /// Moves the points from the frame of their file to a new one and turns their normals, those
+    /// among the columns too. Other columns stay: σ_R is along the beam, and the beam moves with
+    /// the points. Points that come to lie far from the origin get a shift.
     pub fn transform(&mut self, new_from_old: &Pose) {
+        match &mut self.exact {
+            Some(exact) => exact.at_m.iter_mut().for_each(|p| *p = new_from_old * *p),
+            None => {
+                let at_m = self.cloud.points.iter().map(|p| new_from_old * p.cast::<f64>());
+                self.exact = Some(Exact { at_m: at_m.collect(), precision: Precision::Wide });
+            }
+        }
+        self.shift_m = Vector3::zeros();
+        self.narrow();
+        self.locate();
         let cloud = &mut self.cloud;
-        cloud.points.iter_mut().for_each(|p| *p = (new_from_old * p.cast::<f64>()).cast());
         let turned = |n: Vector3<f64>| new_from_old.rotation * n;
         for normal in cloud.normals.iter_mut().flatten() {
             *normal = turned(normal.cast()).cast();
@@ -123,7 +215,7 @@ mod tests {
         let mut recorded = Recorded {
             cloud: Cloud { range_sd_m, ..Cloud::new(points) },
             columns: vec![ring],
-            left_out: Vec::new(),
+            ..Recorded::default()
         };
         assert_eq!(recorded.check_sds(), Ok(()));
         assert_eq!(recorded.drop_invalid().total(), 2);
@@ -135,7 +227,7 @@ mod tests {
 
     #[test]
     fn transform_moves_points_and_turns_normals_and_leaves_the_rest() {
-        let mut recorded = Recorded::of(Cloud::new(vec![[1.0, 0.0, 0.0].into()]));
+        let mut recorded = Recorded::of(Coordinates::Single(vec![[1.0, 0.0, 0.0]]), None);
         recorded.columns = vec![
             column("normal_x", &[1.0]),
             column("ring", &[7.0]),
@@ -149,5 +241,35 @@ mod tests {
         assert!((recorded.cloud.points[0].coords - Vector3::new(0.0, 1.0, 5.0)).norm() < 1e-6);
         assert!(values(0).abs() < 1e-6 && (values(2) - 1.0).abs() < 1e-6, "the normal turned");
         assert_eq!((values(1), values(3), values(4)), (7.0, 0.0, 1.0), "one of three is no vector");
+    }
+
+    #[test]
+    fn points_that_come_to_lie_far_off_get_a_shift_and_lose_it_on_their_way_back() {
+        let near = Coordinates::Single(vec![[1.0, 0.25, 0.0], [0.1, -2.0, 3.0]]);
+        let mut recorded = Recorded::of(near, None);
+        let ordinary = recorded.clone();
+        let there = Pose::new(Vector3::new(7e5, 5e6, 400.0), Vector3::new(0.1, 0.2, 0.3));
+        recorded.transform(&there);
+        let exact = recorded.exact.as_ref().unwrap();
+        assert_eq!(exact.written(), NumberType::F64);
+        for (exact, point) in exact.at_m.iter().zip(&ordinary.cloud.points) {
+            assert!((exact - there * point.cast::<f64>()).norm() < 1e-9);
+        }
+        let centre = there * ordinary.centre_m();
+        assert!((recorded.centre_m() - centre).norm() < 1e-6);
+        recorded.transform(&there.inverse());
+        assert_eq!((recorded.shift_m, &recorded.exact), (Vector3::zeros(), &None));
+        let pairs = recorded.cloud.points.iter().zip(&ordinary.cloud.points);
+        assert!(pairs.into_iter().all(|(found, point)| (found - point).norm() < 1e-6));
+    }
+
+    #[test]
+    fn removing_points_removes_their_exact_coordinates() {
+        let far = vec![[f64::NAN; 3], [7e5, 5e6, 4.0], [0.0; 3], [7e5, 5e6, 5.5]];
+        let mut recorded = Recorded::of(Coordinates::Double(far), None);
+        assert_eq!(recorded.drop_invalid().total(), 2);
+        recorded.locate();
+        assert_eq!(recorded.exact.unwrap().at_m[1], Point3::new(7e5, 5e6, 5.5));
+        assert_eq!(recorded.cloud.points, [[0.0, 0.0, -2.0].into(), [0.0, 0.0, -0.5].into()]);
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use echoloop_files::{Column, FileError};
+use echoloop_files::FileError;
 
 use crate::Cloud;
 use crate::format::CloudFormat;
@@ -14,16 +14,17 @@ use crate::recorded::Recorded;
 ///
 /// [`FileError`] when the extension names no format, or the file cannot be written.
 pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<(), FileError> {
-    write(path, cloud, &[])
+    write(path, |format| format.bytes(cloud, &[]))
 }
 
-/// [`write_cloud`] with the columns.
+/// [`write_cloud`] with the columns, and with coordinates in the frame and of the type of the file
+/// that they came from.
 pub fn write_recorded(path: &Path, recorded: &Recorded) -> Result<(), FileError> {
-    write(path, &recorded.cloud, &recorded.columns)
+    write(path, |format| format.recorded(recorded))
 }
 
-fn write(path: &Path, cloud: &Cloud, columns: &[Column]) -> Result<(), FileError> {
+fn write(path: &Path, bytes: impl Fn(CloudFormat) -> Vec<u8>) -> Result<(), FileError> {
     let expected = || format!("expected a name that ends in {}", CloudFormat::extensions());
     let format = CloudFormat::of(path).ok_or_else(expected).map_err(FileError::content(path))?;
-    std::fs::write(path, format.bytes(cloud, columns)).map_err(FileError::io(path))
+    std::fs::write(path, bytes(format)).map_err(FileError::io(path))
 }

@@ -20,7 +20,7 @@
 //! | quote a file in a message | [`one_line`], [`printable`] |
 //! | write to standard error | [`say`] |
 //! | read PLY, an element at a time | [`ply`] |
-//! | keep numbers of each point | [`Column`], [`attribute`] |
+//! | keep numbers of each point | [`Coordinates`], [`Column`], [`attribute`] |
 //!
 //! A file may have any size, end anywhere, and hold the escape sequences of a terminal. So a reader
 //! takes at most 8 times the file's size plus 64 MB, and a message repeats at most [`MAX_LINE`]
@@ -29,6 +29,7 @@
 pub mod attribute;
 mod bytes;
 mod column;
+mod coordinates;
 mod error;
 pub mod ply;
 mod printable;
@@ -37,6 +38,7 @@ pub mod stderr;
 pub use attribute::Attribute;
 pub use bytes::{MOST_TEXT, check_lines, folder_of, read_data, read_text, text_from};
 pub use column::{Column, NumberType, padded};
+pub use coordinates::Coordinates;
 pub use error::FileError;
 pub use printable::{MAX_LINE, one_line, one_line_of, printable};
 pub use stderr::say;

@@ -13,7 +13,7 @@ use ply_rs_bw::ply::{
 };
 
 use crate::attribute::RANGE_SD;
-use crate::{Column, NumberType, check_lines, one_line, padded};
+use crate::{Column, Coordinates, NumberType, check_lines, one_line, padded};
 
 /// Most bytes of a header.
 const MOST_HEADER: usize = 1 << 20;
@@ -159,10 +159,10 @@ pub fn lists(vertex: &ElementDef) -> impl Iterator<Item = &str> {
 }
 
 /// The vertices of a file as points of a sensor.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Points {
     /// Coordinates x, y, z of each, as in the file, `[n]`.
-    pub at: Vec<[f32; 3]>,
+    pub at: Coordinates,
     /// The [`RANGE_SD`] of each, m, `[n]`, if the file has it.
     pub range_sds: Option<Vec<f32>>,
 }
@@ -172,7 +172,9 @@ impl Points {
     fn of(element: &ElementDef) -> Self {
         let has_sds = element.properties.contains_key(RANGE_SD.name);
         let range_sds = has_sds.then(|| Vec::with_capacity(element.count));
-        Self { at: Vec::with_capacity(element.count), range_sds }
+        let axes = AXES.iter().filter_map(|axis| element.properties.get(*axis));
+        let kinds = axes.filter_map(|axis| scalar(&axis.data_type));
+        Self { at: Coordinates::new(kinds, element.count), range_sds }
     }
 
     fn push(&mut self, vertex: &Vertex) {
@@ -222,9 +224,24 @@ fn number(property: &Property) -> Option<[u8; 8]> {
     })
 }
 
+/// A number; None for a list.
+fn value_of(property: &Property) -> Option<f64> {
+    Some(match property {
+        Property::Char(v) => (*v).into(),
+        Property::UChar(v) => (*v).into(),
+        Property::Short(v) => (*v).into(),
+        Property::UShort(v) => (*v).into(),
+        Property::Int(v) => (*v).into(),
+        Property::UInt(v) => (*v).into(),
+        Property::Float(v) => (*v).into(),
+        Property::Double(v) => *v,
+        _ => return None,
+    })
+}
+
 /// The coordinates and the `range_sd` of a vertex; other properties are ignored.
 struct Vertex {
-    at: [f32; 3],
+    at: [f64; 3],
     range_sd: Option<f32>,
 }
 
@@ -238,12 +255,12 @@ impl PropertyAccess for Vertex {
         if axis.is_none() && name != RANGE_SD.name {
             return PropertyAccessResult::Ignored;
         }
-        let Some(value) = value.to_f32_lossy() else {
+        let Some(value) = value_of(&value) else {
             return PropertyAccessResult::UnsupportedType;
         };
         match axis {
             Some(axis) => self.at[axis] = value,
-            None => self.range_sd = Some(value),
+            None => self.range_sd = Some(value as f32),
         }
         PropertyAccessResult::Set
     }
@@ -352,7 +369,7 @@ fn least_size(kind: &PropertyType, encoding: Encoding) -> usize {
 mod tests {
     use super::*;
 
-    fn vertices(text: &str) -> Result<Vec<[f32; 3]>, String> {
+    fn vertices(text: &str) -> Result<Coordinates, String> {
         let (header, reader) = header(text.as_bytes())?;
         let vertex = vertex(&header)?;
         let mut body = Body::new(&header, reader, Some("vertex"))?;
@@ -376,6 +393,7 @@ mod tests {
              {other}{rows}"
         );
         let found = vertices(&text).unwrap();
+        let Coordinates::Single(found) = found else { panic!("{found:?}") };
         assert_eq!((found.len(), found[2999]), (3000, [2999.0, 0.0, 5998.0]));
         let cut = vertices(text.trim_end().rsplit_once('\n').unwrap().0).unwrap_err();
         assert!(cut.contains("end of file before the last of 3000 elements"), "{cut}");
@@ -395,7 +413,7 @@ mod tests {
         let text = format!(
             "ply\nformat ascii 1.0\nelement a 0\nproperty int x\nelement vertex 1\n{XYZ}1 2 3\n"
         );
-        assert_eq!(vertices(&text).unwrap(), [[1.0, 2.0, 3.0]]);
+        assert_eq!(vertices(&text).unwrap(), Coordinates::Single(vec![[1.0, 2.0, 3.0]]));
     }
 
     #[test]

@@ -47,7 +47,7 @@ pub fn recorded_from_scan(
         column(&ECHO, |told| told.number as f64),
         of_beam(&TIME, &|beam| beams.time_s(beam, duration_s)),
     ];
-    Recorded { cloud: cloud_from_scan(scan, directions), columns, left_out: Vec::new() }
+    Recorded { cloud: cloud_from_scan(scan, directions), columns, ..Recorded::default() }
 }
 
 /// An echo, its beam, and its index within the beam by range, from 0.

@@ -21,8 +21,8 @@ pub(crate) struct Layout {
 
 impl Layout {
     /// A whole file: x, y, z, the normals, σ_R, then the other columns.
-    pub(crate) fn bytes(&self, cloud: &Cloud, others: &[Column]) -> Vec<u8> {
-        let columns = self.columns(cloud, others);
+    pub(crate) fn bytes(&self, axes: [Column; 3], cloud: &Cloud, others: &[Column]) -> Vec<u8> {
+        let columns = self.columns(axes, cloud, others);
         let count = cloud.points.len();
         let mut bytes = (self.header)(&columns, count).into_bytes();
         let record: usize = columns.iter().map(|column| column.kind().size()).sum();
@@ -35,11 +35,12 @@ impl Layout {
     }
 
     /// All columns, under unique names. A column of another length does not belong to the cloud.
-    fn columns(&self, cloud: &Cloud, others: &[Column]) -> Vec<Column> {
+    fn columns(&self, axes: [Column; 3], cloud: &Cloud, others: &[Column]) -> Vec<Column> {
         let count = cloud.points.len();
-        let mut columns = vectors(["x", "y", "z"], count, cloud.points.iter().map(|p| &p.coords));
+        let mut columns = Vec::from(axes);
         if let Some(normals) = &cloud.normals {
-            columns.extend(vectors(self.normals, count, normals.iter()));
+            let normals = normals.iter().map(|normal| normal.cast());
+            columns.extend(vectors(self.normals, normals, NumberType::F32));
         }
         if let Some(sds) = &cloud.range_sd_m {
             columns.push(RANGE_SD.column(sds.iter().map(|sd| f64::from(*sd))));
@@ -60,17 +61,24 @@ impl Layout {
     }
 }
 
-fn vectors<'a>(
+/// The columns `x`, `y` and `z` of points, of a type.
+pub(crate) fn axes(
+    points: impl ExactSizeIterator<Item = Vector3<f64>> + Clone,
+    kind: NumberType,
+) -> [Column; 3] {
+    vectors(["x", "y", "z"], points, kind)
+}
+
+fn vectors(
     names: [&str; 3],
-    count: usize,
-    vectors: impl Iterator<Item = &'a Vector3<f32>> + Clone,
-) -> Vec<Column> {
-    let column = |(axis, name): (usize, &str)| {
-        let mut column = Column::new(name, NumberType::F32, count);
-        vectors.clone().for_each(|vector| column.push(vector[axis].into()));
+    vectors: impl ExactSizeIterator<Item = Vector3<f64>> + Clone,
+    kind: NumberType,
+) -> [Column; 3] {
+    std::array::from_fn(|axis| {
+        let mut column = Column::new(names[axis], kind, vectors.len());
+        vectors.clone().for_each(|vector| column.push(vector[axis]));
         column
-    };
-    names.into_iter().enumerate().map(column).collect()
+    })
 }
 
 /// A name that is allowed in both headers: one word of letters, digits, `_` and `-`.

@@ -9,8 +9,7 @@ mod vtk;
 
 use std::path::Path;
 
-use echoloop_files::Column;
-use nalgebra::Point3;
+use echoloop_files::{Column, Coordinates, NumberType};
 
 use crate::Cloud;
 use crate::recorded::{Keep, Recorded};
@@ -63,7 +62,7 @@ macro_rules! formats {
                 match self { $(Self::$variant => $keeps,)+ }
             }
 
-            fn write(self) -> fn(&Cloud, &[Column]) -> Vec<u8> {
+            fn write(self) -> fn([Column; 3], &Cloud, &[Column]) -> Vec<u8> {
                 match self { $(Self::$variant => $write,)+ }
             }
         }
@@ -83,11 +82,11 @@ formats! {
     written {
         /// Stanford polygon format with one element, `vertex`.
         Ply: "ply", "binary PLY, an element `vertex`", keeps_columns: true,
-            read: ply::parse, write: |cloud, columns| ply::LAYOUT.bytes(cloud, columns);
+            read: ply::parse, write: |axes, cloud, columns| ply::LAYOUT.bytes(axes, cloud, columns);
         /// Point Cloud Library, version 0.7. Unorganized, because beams without an echo are left
         /// out.
         Pcd: "pcd", "binary PCD 0.7, unorganized", keeps_columns: true,
-            read: pcd::parse, write: |cloud, columns| pcd::LAYOUT.bytes(cloud, columns);
+            read: pcd::parse, write: |axes, cloud, columns| pcd::LAYOUT.bytes(axes, cloud, columns);
     }
     only read {
         ["vtk"], "", read: |bytes, _| vtk::parse(bytes).map(points_alone);
@@ -118,7 +117,21 @@ impl CloudFormat {
     /// `double`.
     #[must_use]
     pub fn bytes(self, cloud: &Cloud, columns: &[Column]) -> Vec<u8> {
-        self.write()(cloud, columns)
+        let axes = layout::axes(cloud.points.iter().map(|p| p.coords.cast()), NumberType::F32);
+        self.write()(axes, cloud, columns)
+    }
+
+    /// A whole file as [`Self::bytes`], with coordinates in the frame and of the type of the file
+    /// that the cloud came from.
+    #[must_use]
+    pub fn recorded(self, recorded: &Recorded) -> Vec<u8> {
+        match &recorded.exact {
+            None => self.bytes(&recorded.cloud, &recorded.columns),
+            Some(exact) => {
+                let axes = layout::axes(exact.at_m.iter().map(|p| p.coords), exact.written());
+                self.write()(axes, &recorded.cloud, &recorded.columns)
+            }
+        }
     }
 }
 
@@ -145,8 +158,8 @@ fn alternatives(mut words: Vec<String>) -> String {
     if words.is_empty() { last } else { format!("{} or {last}", words.join(", ")) }
 }
 
-fn points_alone(points: Vec<Point3<f32>>) -> Recorded {
-    Recorded::of(Cloud::new(points))
+fn points_alone(points: Coordinates) -> Recorded {
+    Recorded::of(points, None)
 }
 
 #[cfg(test)]

@@ -6,13 +6,11 @@
 use std::io::Cursor;
 
 use echoloop_files::attribute::{RANGE_SD, is_attribute};
-use echoloop_files::{Column, NumberType, check_lines, one_line, padded};
-use nalgebra::Point3;
+use echoloop_files::{Column, Coordinates, NumberType, check_lines, one_line, padded};
 use pcd_rs::{DataKind, DynReader, DynRecord, Field, FieldDef, PcdMeta, ValueKind};
 
 use super::layout::Layout;
 use super::lzf;
-use crate::Cloud;
 use crate::recorded::{Keep, Recorded};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -118,6 +116,7 @@ impl Destination {
     /// Bytes of memory per number.
     fn size(self, kind: NumberType) -> usize {
         match self {
+            Self::Axis(_) if kind.size() > size_of::<f32>() => size_of::<f64>() + size_of::<f32>(),
             Self::Axis(_) | Self::RangeSd => size_of::<f32>(),
             Self::Column(_) => kind.size(),
         }
@@ -185,7 +184,7 @@ fn kind(kind: ValueKind) -> NumberType {
 
 /// The numbers read so far.
 struct Read {
-    points: Vec<Point3<f32>>,
+    points: Coordinates,
     range_sds: Option<Vec<f32>>,
     columns: Vec<Column>,
 }
@@ -198,8 +197,12 @@ impl Read {
         let count = meta.num_points as usize;
         let is_column = |field: &&Wanted| matches!(field.to, Destination::Column(_));
         let column = |field: &Wanted| Column::new(&field.name, field.kind, count);
+        let is_axis = |field: &&Wanted| matches!(field.to, Destination::Axis(_));
+        let axes = fields.iter().filter(is_axis).map(|field| field.kind);
+        let mut points = Coordinates::new(axes, count);
+        points.fill(count);
         Ok(Self {
-            points: vec![Point3::origin(); count],
+            points,
             range_sds: has(fields, Destination::RangeSd).then(|| vec![0.0; count]),
             columns: fields.iter().filter(is_column).map(column).collect(),
         })
@@ -207,10 +210,12 @@ impl Read {
 
     /// Stores the number of a field at a point. Columns must get their points in order.
     fn put(&mut self, field: &Wanted, point: usize, bytes: [u8; 8]) {
-        let number = || field.kind.value(bytes) as f32;
+        let number = || field.kind.value(bytes);
         match field.to {
-            Destination::Axis(axis) => self.points[point][axis] = number(),
-            Destination::RangeSd => self.range_sds.iter_mut().for_each(|sds| sds[point] = number()),
+            Destination::Axis(axis) => self.points.set(point, axis, number()),
+            Destination::RangeSd => {
+                self.range_sds.iter_mut().for_each(|sds| sds[point] = number() as f32);
+            }
             Destination::Column(column) => self.columns[column].push_number(bytes),
         }
     }
@@ -252,10 +257,10 @@ impl Read {
     }
 
     fn recorded(self, meta: &PcdMeta, keep: Keep) -> Recorded {
-        let cloud = Cloud { range_sd_m: self.range_sds, ..Cloud::new(self.points) };
         let many = |def: &&FieldDef| def.count != 1 && !def.is_padding() && keep == Keep::All;
         let left_out = meta.field_defs.iter().filter(many).map(|def| one_line(&def.name)).collect();
-        Recorded { cloud, columns: self.columns, left_out }
+        let located = Recorded::of(self.points, self.range_sds);
+        Recorded { columns: self.columns, left_out, ..located }
     }
 }
 
@@ -343,6 +348,7 @@ fn letter(kind: NumberType) -> &'static str {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use nalgebra::Point3;
     use pcd_rs::{DynWriter, Schema, WriterInit};
 
     use super::*;

@@ -3,10 +3,8 @@
 use echoloop_files::attribute::is_attribute;
 use echoloop_files::ply::{self, Body};
 use echoloop_files::{Column, NumberType, one_line};
-use nalgebra::Point3;
 
 use super::layout::Layout;
-use crate::Cloud;
 use crate::recorded::{Keep, Recorded};
 
 /// Reads the vertices of a PLY file; the error says what was expected.
@@ -27,9 +25,7 @@ fn vertices(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     }
     let (points, columns) = body.points(vertex, keep == Keep::All)?;
     let left_out = ply::lists(vertex).map(one_line).collect();
-    let at = points.at.into_iter().map(Point3::from).collect();
-    let cloud = Cloud { range_sd_m: points.range_sds, ..Cloud::new(at) };
-    Ok(Recorded { cloud, columns, left_out })
+    Ok(Recorded { columns, left_out, ..Recorded::of(points.at, points.range_sds) })
 }
 
 /// Little-endian binary, one element `vertex`. PLY has no integers of 8 bytes: they become

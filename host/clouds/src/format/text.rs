@@ -1,10 +1,8 @@
 //! Reading KITTI's binary scans, and points as text.
 
 use echoloop_files::attribute::INTENSITY;
-use echoloop_files::one_line_of;
-use nalgebra::Point3;
+use echoloop_files::{Coordinates, one_line_of};
 
-use crate::Cloud;
 use crate::recorded::{Keep, Recorded};
 
 /// Reads a KITTI scan: x, y, z, intensity as little-endian `f32`, 16 bytes per point.
@@ -17,8 +15,8 @@ pub(crate) fn parse_kitti(bytes: &[u8], keep: Keep) -> Result<Recorded, String> 
         ));
     }
     let number = |record: &[u8; 16], at: usize| f32::from_le_bytes(record.as_chunks().0[at]);
-    let points = records.iter().map(|r| Point3::new(number(r, 0), number(r, 1), number(r, 2)));
-    let mut recorded = Recorded::of(Cloud::new(points.collect()));
+    let points = records.iter().map(|r| [number(r, 0), number(r, 1), number(r, 2)]);
+    let mut recorded = Recorded::of(Coordinates::Single(points.collect()), None);
     if keep == Keep::All {
         let intensities = records.iter().map(|record| f64::from(number(record, 3)));
         recorded.columns.push(INTENSITY.column(intensities));
@@ -30,7 +28,7 @@ pub(crate) fn parse_kitti(bytes: &[u8], keep: Keep) -> Result<Recorded, String> 
 ///
 /// Empty lines and lines that begin with `#` or `//` are skipped. x, y, z are the first three
 /// numbers, unless the first line names the columns.
-pub(crate) fn parse_text(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
+pub(crate) fn parse_text(bytes: &[u8]) -> Result<Coordinates, String> {
     let text =
         std::str::from_utf8(bytes).map_err(|error| format!("expected text in UTF-8: {error}"))?;
     let mut lines = text
@@ -47,12 +45,19 @@ pub(crate) fn parse_text(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
             .ok_or(format!("line {number}: expected numbers or the column names x, y, z"))?;
         lines.next();
     }
-    lines
-        .map(|(number, line)| {
-            point(line, axes)
-                .ok_or_else(|| format!("line {number}: expected x y z, found {:?}", start(line)))
-        })
-        .collect()
+    let mut points = Vec::with_capacity(most_points(bytes));
+    for (number, line) in lines {
+        let point = point(line, axes)
+            .ok_or_else(|| format!("line {number}: expected x y z, found {:?}", start(line)))?;
+        points.push(point);
+    }
+    points.shrink_to_fit();
+    Ok(Coordinates::Wide(points))
+}
+
+/// Most points in this text: a point takes three digits and three blanks or line ends.
+pub(super) fn most_points(text: &[u8]) -> usize {
+    text.len() / 6 + 1
 }
 
 fn words(line: &str) -> impl Iterator<Item = &str> {
@@ -70,7 +75,7 @@ fn columns(line: &str) -> Option<[usize; 3]> {
     Some([place("x")?, place("y")?, place("z")?])
 }
 
-fn point(line: &str, axes: [usize; 3]) -> Option<Point3<f32>> {
+fn point(line: &str, axes: [usize; 3]) -> Option<[f64; 3]> {
     let value = |axis: usize| words(line).nth(axes[axis])?.parse().ok();
-    Some(Point3::new(value(0)?, value(1)?, value(2)?))
+    Some([value(0)?, value(1)?, value(2)?])
 }

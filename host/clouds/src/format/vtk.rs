@@ -1,7 +1,10 @@
 //! Reading legacy VTK polydata, the format of libpointmatcher's clouds.
 
-use echoloop_files::one_line;
-use nalgebra::Point3;
+use std::str::FromStr;
+
+use echoloop_files::{Coordinates, one_line};
+
+use super::text::most_points;
 
 /// Most bytes of a header line (VTK's own limit). A file of another format is not searched to its
 /// end.
@@ -19,7 +22,7 @@ const LONGEST_LINE: usize = 256;
 /// ```
 ///
 /// Everything after the points (vertices, normals, colours) is ignored.
-pub(crate) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
+pub(crate) fn parse(bytes: &[u8]) -> Result<Coordinates, String> {
     let mut rest = bytes;
     let version = line(&mut rest)?;
     if !version.starts_with("# vtk DataFile Version") {
@@ -31,7 +34,10 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     expect(&mut rest, "DATASET POLYDATA")?;
     let (count, scalar) = points_line(&mut rest)?;
     match encoding {
-        "ASCII" => ascii(rest, count),
+        "ASCII" => match scalar {
+            Scalar::Float => ascii(rest, count).map(Coordinates::Single),
+            Scalar::Double => ascii(rest, count).map(Coordinates::Double),
+        },
         "BINARY" => binary(rest, count, scalar),
         _ => {
             let encoding = one_line(encoding);
@@ -93,10 +99,10 @@ fn points_line(rest: &mut &[u8]) -> Result<(usize, Scalar), String> {
     Ok((count.parse().map_err(|_| fail())?, scalar))
 }
 
-/// Reads word by word and allocates as it goes: a wrong count in the header costs no memory.
-fn ascii(rest: &[u8], count: usize) -> Result<Vec<Point3<f32>>, String> {
+/// Reads word by word. A wrong count in the header costs no more memory than the text is worth.
+fn ascii<T: FromStr>(rest: &[u8], count: usize) -> Result<Vec<[T; 3]>, String> {
     let mut words = rest.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
-    let mut points = Vec::new();
+    let mut points = Vec::with_capacity(count.min(most_points(rest)));
     for index in 0..count {
         let mut value = || {
             let word = words.next().ok_or_else(|| {
@@ -106,12 +112,12 @@ fn ascii(rest: &[u8], count: usize) -> Result<Vec<Point3<f32>>, String> {
             text.and_then(|text| text.parse().ok())
                 .ok_or_else(|| format!("point {index}: expected three numbers"))
         };
-        points.push(Point3::new(value()?, value()?, value()?));
+        points.push([value()?, value()?, value()?]);
     }
     Ok(points)
 }
 
-fn binary(rest: &[u8], count: usize, scalar: Scalar) -> Result<Vec<Point3<f32>>, String> {
+fn binary(rest: &[u8], count: usize, scalar: Scalar) -> Result<Coordinates, String> {
     let each = match scalar {
         Scalar::Float => 12,
         Scalar::Double => 24,
@@ -124,16 +130,16 @@ fn binary(rest: &[u8], count: usize, scalar: Scalar) -> Result<Vec<Point3<f32>>,
         )
     })?;
     Ok(match scalar {
-        Scalar::Float => points(data, f32::from_be_bytes),
-        Scalar::Double => points(data, |word| f64::from_be_bytes(word) as f32),
+        Scalar::Float => Coordinates::Single(points(data, f32::from_be_bytes)),
+        Scalar::Double => Coordinates::Double(points(data, f64::from_be_bytes)),
     })
 }
 
 /// Points of three numbers, each of `WORD` bytes.
-fn points<const WORD: usize>(data: &[u8], number: impl Fn([u8; WORD]) -> f32) -> Vec<Point3<f32>> {
+fn points<T, const WORD: usize>(data: &[u8], number: impl Fn([u8; WORD]) -> T) -> Vec<[T; 3]> {
     let (words, _) = data.as_chunks::<WORD>();
     let (points, _) = words.as_chunks::<3>();
-    points.iter().map(|&[x, y, z]| Point3::new(number(x), number(y), number(z))).collect()
+    points.iter().map(|&[x, y, z]| [number(x), number(y), number(z)]).collect()
 }
 
 #[cfg(test)]
@@ -166,10 +172,15 @@ mod tests {
             file("BINARY", "\nPOINTS  2 double", &[&big(&values, false), tail].concat()),
         ];
         for content in table {
-            assert_eq!(
-                parse(&content).unwrap(),
-                [Point3::new(1.0, -2.0, 0.5), Point3::new(4.0, 5.0, 6.0)]
-            );
+            match parse(&content).unwrap() {
+                Coordinates::Single(points) => {
+                    assert_eq!(points, [[1.0, -2.0, 0.5], [4.0, 5.0, 6.0]]);
+                }
+                Coordinates::Double(points) => {
+                    assert_eq!(points, [[1.0, -2.0, 0.5], [4.0, 5.0, 6.0]]);
+                }
+                Coordinates::Wide(_) => unreachable!("the header names a type"),
+            }
         }
     }
 
@@ -177,7 +188,7 @@ mod tests {
     fn lines_may_end_as_on_windows() {
         let text = "# vtk DataFile Version 2.0\r\nt\r\nASCII\r\nDATASET POLYDATA\r\n\
                     POINTS 1 float\r\n1 2 3\r\n";
-        assert_eq!(parse(text.as_bytes()).unwrap(), [Point3::new(1.0, 2.0, 3.0)]);
+        assert_eq!(parse(text.as_bytes()).unwrap(), Coordinates::Single(vec![[1.0, 2.0, 3.0]]));
     }
 
     #[test]
