@@ -56,6 +56,7 @@ mod scene;
 mod sensor;
 mod serve;
 mod store;
+mod survey;
 mod tune;
 
 use std::ffi::OsString;

@@ -9,11 +9,12 @@ use super::common::{Common, on_threads};
 use super::exit::Failure;
 use super::method_choice::{method_parser, methods_that};
 use super::method_flags::MethodFlags;
+use super::survey::Frames;
 use echoloop_closed_loop::parameters::{Parameters, written};
 use echoloop_closed_loop::run_folder::tuned_run::tuned_config;
 use echoloop_clouds::pose::{Pose, read_pose, to_rows};
 use echoloop_clouds::{
-    Cloud, CloudError, CloudFormat, Dropped, Recorded, read_cloud, read_recorded,
+    Cloud, CloudError, CloudFormat, Dropped, Recorded, read_points, read_recorded,
 };
 use echoloop_files::say;
 use echoloop_registration::geometry::voxel;
@@ -21,6 +22,10 @@ use echoloop_registration::{
     Confirmed, IcpConfig, Method, MethodConfig, Outcome, Registration, StopReason, Suggestions,
     build,
 };
+
+/// Largest difference of two shifts that become one, m, so that clouds nearly in place are
+/// cut into the same voxels.
+const SAME_FRAME_M: f64 = 10.0;
 
 /// Flags of `register`. Without any, they are chosen from the clouds.
 #[derive(Clone, Debug, Args)]
@@ -68,11 +73,14 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
     check(args)?;
     let at = |path: &PathBuf| CloudOutput::at(path, args.format);
     let output = args.output.as_ref().map(at).transpose()?;
-    let target = read(args, &args.target, read_cloud)?;
-    let source = match output {
+    let target = read(args, &args.target, read_points)?;
+    let mut source = match output {
         Some(_) => read(args, &args.source, read_recorded)?,
-        None => Recorded { cloud: read(args, &args.source, read_cloud)?, ..Recorded::default() },
+        None => read(args, &args.source, read_points)?,
     };
+    if (source.shift_m - target.shift_m).amax() <= SAME_FRAME_M {
+        source.shift_by(target.shift_m);
+    }
     let initial = match &args.initial {
         Some(path) => read_pose(path).map_err(Failure::usage)?,
         None => Pose::identity(),
@@ -109,11 +117,11 @@ fn check(args: &RegisterArgs) -> Result<(), Failure> {
     args.settings.check(args.method)
 }
 
-fn read<T>(
+fn read(
     args: &RegisterArgs,
     path: &Path,
-    read: fn(&Path) -> Result<(T, Dropped), CloudError>,
-) -> Result<T, Failure> {
+    read: fn(&Path) -> Result<(Recorded, Dropped), CloudError>,
+) -> Result<Recorded, Failure> {
     let (cloud, dropped) = read(path).map_err(Failure::usage)?;
     if dropped.total() > 0 && !args.common.quiet {
         say(format_args!(
@@ -128,13 +136,14 @@ fn read<T>(
 
 fn register(
     args: &RegisterArgs,
-    target: &Cloud,
+    surveyed: &Recorded,
     recorded: Recorded,
     initial: &Pose,
     output: Option<&CloudOutput>,
 ) -> Result<(), Failure> {
     let began = cpu_s();
-    let source = &recorded.cloud;
+    let (target, source) = (&surveyed.cloud, &recorded.cloud);
+    let frames = Frames::new(surveyed, &recorded);
     let suggestions = Suggestions::new(target, source);
     let config = match args.tuned {
         Some(tuned) => args.settings.apply_to(tuned)?,
@@ -147,16 +156,17 @@ fn register(
     });
     let method = build(&config, finish).map_err(Failure::usage)?;
     let method = Confirmed { method, voxel_m: suggestions.scene_voxel_m() };
-    let outcome = method.register(target, source, initial);
+    let outcome = method.register(target, source, &frames.inside(initial));
+    let target_from_source = frames.outside(&outcome.target_from_source);
     warn(args, &outcome);
     let cpu_s = cpu_s() - began;
     if outcome.stop == StopReason::BadSettings {
         check_voxel(&[(&args.target, target), (&args.source, source)], global_voxel_m)?;
     }
     let found = outcome.stop.is_success();
-    let mut text = output_text(args, &config, &outcome, cpu_s)?;
+    let mut text = output_text(args, &config, (&outcome, &frames), cpu_s)?;
     if let Some(output) = output.filter(|_| found) {
-        write(args, recorded, &outcome.target_from_source, output)?;
+        write(args, recorded, &target_from_source, output)?;
         text += &wrote(&args.common, &args.output);
     }
     tell(output, &args.common, &text)?;
@@ -216,23 +226,24 @@ fn cpu_s() -> f64 {
 fn output_text(
     args: &RegisterArgs,
     config: &MethodConfig,
-    outcome: &Outcome,
+    (outcome, frames): (&Outcome, &Frames),
     cpu_s: f64,
 ) -> Result<String, Failure> {
     if args.common.json {
-        let document = document(args, config, outcome, cpu_s);
+        let document = document(args, config, (outcome, frames), cpu_s);
         return Ok(serde_json::to_string(&document).map_err(Failure::run)? + "\n");
     }
-    Ok(lines(outcome, cpu_s))
+    Ok(lines(outcome, frames, cpu_s))
 }
 
 fn document(
     args: &RegisterArgs,
     config: &MethodConfig,
-    outcome: &Outcome,
+    (outcome, frames): (&Outcome, &Frames),
     cpu_s: f64,
 ) -> serde_json::Value {
-    let rows = to_rows(&outcome.target_from_source);
+    let target_from_source = frames.outside(&outcome.target_from_source);
+    let rows = to_rows(&target_from_source);
     let rows: Vec<&[f64]> = rows.chunks(4).collect();
     let mut document = serde_json::json!({
         "format": 1,
@@ -247,7 +258,7 @@ fn document(
         "supported": outcome.overlap.map(|o| o.supported),
         "seen_through": outcome.overlap.map(|o| o.seen_through),
         "unobservable_directions": outcome.observability.as_ref().map(|o| o.unobservable),
-        "covariance": outcome.covariance.map(|c| c.to_rows()),
+        "covariance": frames.covariance(outcome).map(|c| c.to_rows()),
         "matches": outcome.consensus.map(|c| c.matches),
         "searched": outcome.consensus.map(|c| c.searched),
         "inliers": outcome.consensus.map(|c| c.inliers),
@@ -255,6 +266,14 @@ fn document(
         "method": args.method.name(),
         "refine": args.refine,
     });
+    if let Some(motion) = frames.about_centre(&target_from_source) {
+        document["covariance_about"] = serde_json::json!(motion.to_m);
+        document["motion_about_centre"] = serde_json::json!({
+            "centre_m": motion.from_m,
+            "turn_deg": motion.turn_deg,
+            "shift_m": motion.shift_m,
+        });
+    }
     if let MethodConfig::Fgr(config) = config {
         document["mode"] = serde_json::json!(config.mode);
     }
@@ -269,10 +288,19 @@ fn document(
     document
 }
 
-fn lines(outcome: &Outcome, cpu_s: f64) -> String {
-    let rows = to_rows(&outcome.target_from_source);
+fn lines(outcome: &Outcome, frames: &Frames, cpu_s: f64) -> String {
+    let target_from_source = frames.outside(&outcome.target_from_source);
+    let rows = to_rows(&target_from_source);
     let row = |r: &[f64]| format!("{:>12.6} {:>12.6} {:>12.6} {:>12.6}\n", r[0], r[1], r[2], r[3]);
-    let matrix: String = rows.chunks(4).map(row).collect();
+    // 1e-12 rad are 10 µm at 10,000 km.
+    let long_row =
+        |r: &[f64]| format!("{:>15.12} {:>15.12} {:>15.12} {:>15.6}\n", r[0], r[1], r[2], r[3]);
+    let motion = frames.about_centre(&target_from_source);
+    let matrix: String = match motion {
+        None => rows.chunks(4).map(row).collect(),
+        Some(_) => rows.chunks(4).map(long_row).collect(),
+    };
+    let motion = motion.map(|motion| motion.to_string()).unwrap_or_default();
     let found = format!(
         "{}; {} iterations, {} pairs ({:.0} %), {:.1} mm rms, {cpu_s:.3} s CPU\n",
         outcome.stop,
@@ -281,9 +309,9 @@ fn lines(outcome: &Outcome, cpu_s: f64) -> String {
         100.0 * outcome.inlier_fraction,
         1e3 * outcome.rmse_m,
     );
-    let more = [overlap(outcome), spread(outcome), consensus(outcome)];
+    let more = [overlap(outcome), spread(outcome, frames), consensus(outcome)];
     let more: String = more.into_iter().flatten().collect();
-    format!("target_from_source\n{matrix}{found}{more}")
+    format!("target_from_source\n{matrix}{motion}{found}{more}")
 }
 
 fn overlap(outcome: &Outcome) -> Option<String> {
@@ -296,12 +324,14 @@ fn overlap(outcome: &Outcome) -> Option<String> {
     })
 }
 
-fn spread(outcome: &Outcome) -> Option<String> {
-    outcome.covariance.as_ref().map(|covariance| {
+fn spread(outcome: &Outcome, frames: &Frames) -> Option<String> {
+    let about = if frames.are_shifted() { "axes through that centre" } else { "them" };
+    frames.covariance(outcome).map(|covariance| {
         let [x, y, z] = covariance.translation_sd_m().map(|sd_m| 100.0 * sd_m);
         let [a, b, c] = covariance.rotation_sd_rad().map(f64::to_degrees);
         format!(
-            "standard deviations x y z: {x:.1} {y:.1} {z:.1} cm, {a:.3} {b:.3} {c:.3}° about them\n"
+            "standard deviations x y z: {x:.1} {y:.1} {z:.1} cm, {a:.3} {b:.3} {c:.3}° about \
+             {about}\n"
         )
     })
 }

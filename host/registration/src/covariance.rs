@@ -1,7 +1,7 @@
 //! Covariance of a motion.
 
 use echoloop_clouds::Pose;
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Matrix3, Matrix6, Point3, Vector6};
 
 /// Covariance of the error of a motion `target_from_source`: turns in rad, shifts in m.
 ///
@@ -27,6 +27,20 @@ impl Covariance {
     /// Standard deviations of the shifts along x, y and z, m.
     pub fn translation_sd_m(&self) -> [f64; 3] {
         [3, 4, 5].map(|i| self.0[(i, i)].sqrt())
+    }
+
+    /// The same with turns about another point of the target's frame, m: a shift is then that
+    /// point's.
+    ///
+    /// ```text
+    /// ξ' = [ω ; t + ω × p]
+    /// ```
+    #[must_use]
+    pub fn about(&self, point_m: &Point3<f64>) -> Self {
+        let mut there = Matrix6::identity();
+        let cross: Matrix3<f64> = point_m.coords.cross_matrix();
+        there.fixed_view_mut::<3, 3>(3, 0).copy_from(&-cross);
+        Self(there * self.0 * there.transpose())
     }
 
     /// The matrix row by row: rad², rad·m and m².
@@ -65,6 +79,16 @@ mod tests {
         let found = error(&estimate, &(Pose::new(shift, turn) * estimate));
         let expected = Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z);
         assert!((found - expected).norm() < 1e-12, "{found}");
+    }
+
+    #[test]
+    fn about_a_far_point_a_turn_is_a_shift_of_that_point() {
+        let turn = Covariance(Matrix6::from_diagonal(&Vector6::new(0.0, 0.0, 1e-6, 0., 0., 0.)));
+        let there = turn.about(&Point3::new(100.0, 0.0, 7.0));
+        assert!((there.translation_sd_m()[1] - 0.1).abs() < 1e-12, "{there:?}");
+        assert_eq!(there.rotation_sd_rad(), turn.rotation_sd_rad());
+        let back = there.about(&Point3::new(-100.0, 0.0, -7.0));
+        assert!((back.0 - turn.0).norm() < 1e-12);
     }
 
     #[test]

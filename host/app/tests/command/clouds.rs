@@ -114,7 +114,7 @@ fn a_pipe_takes_a_cloud_to_another_command_or_ends_quietly() {
 }
 
 /// Two scans of the yard, half a metre apart.
-fn pair(fixture: &Fixture, format: &str) {
+pub(crate) fn pair(fixture: &Fixture, format: &str) {
     let set = "scanner.columns=180 scanner.rows=48 data.test_pairs=1 data.train_pairs=1";
     let mut pairs = vec!["pairs", "-q", "-c", "small.toml", "-o", format, "--format", format];
     pairs.extend(set.split_whitespace().flat_map(|set| ["--set", set]));

@@ -33,6 +33,7 @@ mod scene;
 #[cfg(unix)]
 mod serial;
 mod sets;
+mod survey;
 mod svg;
 mod told;
 mod trajectory;

@@ -1,0 +1,81 @@
+//! Motions of clouds in survey coordinates: registered in frames near the points, told in those of
+//! the files.
+
+use std::fmt::{Display, Formatter, Result};
+
+use echoloop_clouds::survey::shifted;
+use echoloop_clouds::{Pose, Recorded};
+use echoloop_registration::{Covariance, Outcome};
+use nalgebra::{Point3, Vector3};
+
+/// The shifts of two clouds, and the centre of the source.
+pub(super) struct Frames {
+    target_shift_m: Vector3<f64>,
+    source_shift_m: Vector3<f64>,
+    /// Centre of the source in the frame of its file, m.
+    centre_m: Point3<f64>,
+}
+
+impl Frames {
+    pub(super) fn new(target: &Recorded, source: &Recorded) -> Self {
+        let (target_shift_m, source_shift_m) = (target.shift_m, source.shift_m);
+        Self { target_shift_m, source_shift_m, centre_m: source.centre_m() }
+    }
+
+    /// True when a cloud has a shift.
+    pub(super) fn are_shifted(&self) -> bool {
+        self.target_shift_m != Vector3::zeros() || self.source_shift_m != Vector3::zeros()
+    }
+
+    /// The motion of the clouds that is this one of the files.
+    pub(super) fn inside(&self, target_from_source: &Pose) -> Pose {
+        shifted(target_from_source, &self.target_shift_m, &self.source_shift_m)
+    }
+
+    /// The motion of the files that is this one of the clouds.
+    pub(super) fn outside(&self, target_from_source: &Pose) -> Pose {
+        shifted(target_from_source, &-self.target_shift_m, &-self.source_shift_m)
+    }
+
+    /// Covariance of the motion: about the centre of the source, where the target has it, if a
+    /// cloud has a shift; else about the target's origin.
+    pub(super) fn covariance(&self, outcome: &Outcome) -> Option<Covariance> {
+        let centre_m = outcome.target_from_source * (self.centre_m - self.source_shift_m);
+        let about = |c: Covariance| if self.are_shifted() { c.about(&centre_m) } else { c };
+        outcome.covariance.map(about)
+    }
+
+    /// A motion of the files about the centre of the source; None without a shift.
+    pub(super) fn about_centre(&self, target_from_source: &Pose) -> Option<AboutCentre> {
+        let to_m = target_from_source * self.centre_m;
+        let turn = target_from_source.rotation.scaled_axis();
+        self.are_shifted().then(|| AboutCentre {
+            from_m: self.centre_m.into(),
+            to_m: to_m.into(),
+            shift_m: (to_m - self.centre_m).into(),
+            turn_deg: turn.map(f64::to_degrees).into(),
+        })
+    }
+}
+
+/// A motion as a turn about the centre of the source, and the shift of that centre.
+pub(super) struct AboutCentre {
+    /// The centre in the frame of the source, m.
+    pub from_m: [f64; 3],
+    /// The centre in the frame of the target, m.
+    pub to_m: [f64; 3],
+    pub shift_m: [f64; 3],
+    /// Axis times angle.
+    pub turn_deg: [f64; 3],
+}
+
+impl Display for AboutCentre {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        let ([x, y, z], [a, b, c], [u, v, w]) = (self.from_m, self.turn_deg, self.shift_m);
+        writeln!(
+            f,
+            "about the source's centre, {x:.3} {y:.3} {z:.3} m: shift {u:.6} {v:.6} {w:.6} m,"
+        )?;
+        writeln!(f, "turn {a:.6} {b:.6} {c:.6}° (axis times angle)")
+    }
+}
