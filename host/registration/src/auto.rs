@@ -31,7 +31,8 @@ const REFINED_ITERATIONS: usize = 30;
 ///    ([`Mac::candidates`]), and the guess that was given.
 /// 2. A score of each on both scans ([`Scene::overlap`]); the best are refined with ICP.
 /// 3. A score of the refined ones; GICP at the clouds' own voxel finishes the best.
-/// 4. A motion that the scans do not confirm is [`StopReason::Unconfirmed`].
+/// 4. A motion that the scans do not confirm is [`StopReason::Unconfirmed`]; one that may slide
+///    without their noticing is [`StopReason::Degenerate`].
 ///
 /// Matches and their inliers are evidence of one scale only. The points of both scans are
 /// independent evidence, also of open space.
@@ -145,6 +146,7 @@ impl Bench {
             stop,
             ..finished
         }
+        .with_open_directions(&self.target, &self.source)
     }
 }
 

@@ -62,7 +62,7 @@ pub use mac::Mac;
 pub use methods::build;
 pub use observability::Observability;
 pub use outcome::{Consensus, Outcome, StopReason};
-pub use overlap::{Confirmed, Overlap};
+pub use overlap::{Confirmed, OpenDirection, Overlap};
 pub use prepared::{PrepareError, Source, Target};
 pub use refine::Refined;
 pub use registration::Registration;

@@ -3,7 +3,7 @@
 use echoloop_clouds::Pose;
 
 use crate::correspondences::Inliers;
-use crate::overlap::Overlap;
+use crate::overlap::{OpenDirection, Overlap};
 use crate::{Covariance, Observability, PrepareError};
 
 /// The outcome of a registration.
@@ -32,6 +32,8 @@ pub struct Outcome {
     pub consensus: Option<Consensus>,
     /// Evidence of both clouds for the motion; None when not checked.
     pub overlap: Option<Overlap>,
+    /// Directions in which the clouds do not notice that the motion slides; empty when not checked.
+    pub open: Vec<OpenDirection>,
 }
 
 /// Agreement of the matches of a global method.
@@ -75,7 +77,8 @@ pub enum StopReason {
     /// The clouds do not confirm the motion: too little of one lies on the other, or too much lies
     /// in space that the other's sensor saw empty. See [`Overlap::confirms`].
     Unconfirmed,
-    /// The pairs leave a direction open; along it the initial guess stands.
+    /// The pairs leave a direction open, along which the initial guess stands, or the clouds do: a
+    /// tunnel looks the same a metre on. See [`Outcome::open`].
     Degenerate,
     /// A cloud holds no echo.
     EmptyCloud,
@@ -117,7 +120,7 @@ impl std::fmt::Display for StopReason {
             Self::Unconfirmed => {
                 "unconfirmed: too little of the clouds lies on each other, or was seen through"
             }
-            Self::Degenerate => "degenerate: the pairs leave a direction open",
+            Self::Degenerate => "degenerate: the clouds leave a direction open",
             Self::EmptyCloud => "a cloud holds no point",
             Self::BadSettings => "the settings cannot run on these clouds",
         })
@@ -139,6 +142,7 @@ impl Outcome {
             covariance: None,
             consensus: None,
             overlap: None,
+            open: Vec::new(),
         }
     }
 

@@ -50,30 +50,51 @@ pub fn from_points(
     radius_m: f64,
     max_neighbours: usize,
 ) -> Vec<Vector3<f32>> {
+    planes(points, radius_m, max_neighbours).iter().map(|plane| plane.normal).collect()
+}
+
+/// The plane through the neighbours of a point.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Plane {
+    /// Unit normal; zero where the surface has no direction.
+    pub(crate) normal: Vector3<f32>,
+    /// Variance of the normal's tilt, rad²: that of a least-squares plane towards the direction in
+    /// which the neighbours spread less, `λ₀ / λ₁ (n - 2.5)` of the eigenvalues of C.
+    pub(crate) tilt_rad2: f32,
+    /// Variance of the neighbours in that direction, λ₁, m².
+    pub(crate) spread_m2: f32,
+}
+
+/// [`from_points`], with the trust in each normal.
+pub(crate) fn planes(points: &[Point3<f32>], radius_m: f64, max_neighbours: usize) -> Vec<Plane> {
     let order = box_tree::order(points);
     let tree = BoxTree::new(box_tree::ordered(points, &order));
-    let mut normals = vec![Vector3::zeros(); points.len()];
-    for (normal, &index) in of_tree(&tree, radius_m, max_neighbours).iter().zip(&order) {
-        normals[index as usize] = *normal;
+    let mut planes = vec![Plane::default(); points.len()];
+    for (plane, &index) in each_of_tree(&tree, radius_m, max_neighbours).iter().zip(&order) {
+        planes[index as usize] = *plane;
     }
-    normals
+    planes
 }
 
 /// [`from_points`] for the points of a tree.
 pub(crate) fn of_tree(tree: &BoxTree, radius_m: f64, max_neighbours: usize) -> Vec<Vector3<f32>> {
+    each_of_tree(tree, radius_m, max_neighbours).iter().map(|plane| plane.normal).collect()
+}
+
+fn each_of_tree(tree: &BoxTree, radius_m: f64, max_neighbours: usize) -> Vec<Plane> {
     let points = tree.points();
-    let mut normals = vec![Vector3::zeros(); points.len()];
-    normals.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, normals)| {
+    let mut planes = vec![Plane::default(); points.len()];
+    planes.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, planes)| {
         let mut nearest = Nearest::new(tree, radius_m, max_neighbours);
-        for (i, normals) in normals.chunks_mut(WIDE).enumerate() {
+        for (i, planes) in planes.chunks_mut(WIDE).enumerate() {
             let leaf = chunk * CHUNK / WIDE + i;
             let of_points = nearest.of_leaf(leaf).zip(tree.leaf_points(leaf));
-            for (normal, (found, point)) in normals.iter_mut().zip(of_points) {
-                *normal = sensor_normal(points, point, found);
+            for (plane, (found, point)) in planes.iter_mut().zip(of_points) {
+                *plane = plane_at(points, point, found).unwrap_or_default();
             }
         }
     });
-    normals
+    planes
 }
 
 /// [`from_points`] with neighbours found already: within at least `radius_m`, and at least
@@ -152,10 +173,10 @@ impl NearestBuffer {
 }
 
 fn sensor_normal(points: &[Point3<f32>], query: &Point3<f32>, found: &[u32]) -> Vector3<f32> {
-    normal_at(points, query, found).unwrap_or_default()
+    plane_at(points, query, found).unwrap_or_default().normal
 }
 
-fn normal_at(points: &[Point3<f32>], query: &Point3<f32>, found: &[u32]) -> Option<Vector3<f32>> {
+fn plane_at(points: &[Point3<f32>], query: &Point3<f32>, found: &[u32]) -> Option<Plane> {
     if found.len() < LEAST_NEIGHBOURS {
         return None;
     }
@@ -165,7 +186,11 @@ fn normal_at(points: &[Point3<f32>], query: &Point3<f32>, found: &[u32]) -> Opti
         return None;
     }
     let normal = eigenvector(&covariance, low)?.cast::<f32>();
-    Some(if normal.dot(&query.coords) > 0.0 { -normal } else { normal })
+    Some(Plane {
+        normal: if normal.dot(&query.coords) > 0.0 { -normal } else { normal },
+        tilt_rad2: (low.max(0.0) / (middle * (found.len() as f64 - 2.5))) as f32,
+        spread_m2: middle as f32,
+    })
 }
 
 /// Centred on the query, so that `f32` coordinates far from the origin lose nothing.

@@ -38,6 +38,11 @@ impl Centred {
         self.scale * here * self.scale.transpose()
     }
 
+    /// A small motion `[ω L ; t]` about the centroid as `[ω ; t]` about the origin.
+    pub(crate) fn about_origin(&self, here: &Vector6<f64>) -> Vector6<f64> {
+        self.scale * here
+    }
+
     /// A vector of sums about the origin, as it is here.
     pub(crate) fn right(&self, sums: &Vector6<f64>) -> Vector6<f64> {
         self.scale.transpose() * sums

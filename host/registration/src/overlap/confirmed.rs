@@ -3,7 +3,7 @@
 use echoloop_clouds::{Cloud, Pose};
 
 use super::Scene;
-use crate::{Outcome, PrepareError, Registration, StopReason};
+use crate::{Outcome, Registration, StopReason};
 
 /// Runs a method, then checks its motion on both scans.
 ///
@@ -12,6 +12,7 @@ use crate::{Outcome, PrepareError, Registration, StopReason};
 /// | converged | confirm | converged |
 /// | converged | do not | unconfirmed |
 /// | no consensus | confirm | converged |
+/// | converged, iterations ran out | leave directions open | degenerate |
 /// | anything else | not asked where nothing was found | the method's |
 ///
 /// A local method converges wherever it starts, and matches may agree by chance; neither notices.
@@ -26,27 +27,27 @@ pub struct Confirmed<M> {
 
 impl<M: Registration> Registration for Confirmed<M> {
     fn register(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Outcome {
-        let mut outcome = self.method.register(target, source, initial);
-        if outcome.overlap.is_none() && outcome.iterations > 0 {
-            let motion = &outcome.target_from_source;
-            outcome.overlap = overlap(target, source, motion, self.voxel_m).ok();
+        let outcome = self.method.register(target, source, initial);
+        if outcome.overlap.is_some() || outcome.iterations == 0 {
+            return outcome; // the method asked the scans itself, or found nothing
         }
-        outcome.stop = match (outcome.stop, outcome.overlap.map(|overlap| overlap.confirms())) {
-            (StopReason::NoConsensus, Some(true)) => StopReason::Converged,
-            (stop, Some(false)) if stop.is_success() => StopReason::Unconfirmed,
-            (stop, _) => stop,
-        };
-        outcome
+        let scene = |cloud| Scene::new(cloud, self.voxel_m);
+        match (scene(target), scene(source)) {
+            (Ok(target), Ok(source)) => checked(outcome, &target, &source),
+            _ => outcome,
+        }
     }
 }
 
-fn overlap(
-    target: &Cloud,
-    source: &Cloud,
-    motion: &Pose,
-    voxel_m: f64,
-) -> Result<super::Overlap, PrepareError> {
-    Ok(Scene::new(target, voxel_m)?.overlap(&Scene::new(source, voxel_m)?, motion))
+fn checked(mut outcome: Outcome, target: &Scene, source: &Scene) -> Outcome {
+    let overlap = target.overlap(source, &outcome.target_from_source);
+    outcome.overlap = Some(overlap);
+    outcome.stop = match outcome.stop {
+        StopReason::NoConsensus if overlap.confirms() => StopReason::Converged,
+        stop if stop.is_success() && !overlap.confirms() => StopReason::Unconfirmed,
+        stop => stop,
+    };
+    outcome.with_open_directions(target, source)
 }
 
 #[cfg(test)]

@@ -14,14 +14,19 @@
 //! ```
 
 mod confirmed;
+mod open;
 mod range_image;
+mod sight;
 
-use echoloop_clouds::{Cloud, Pose};
+use echoloop_clouds::{Cloud, Pose, is_finite};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rayon::prelude::*;
 
 pub use self::confirmed::Confirmed;
+pub use self::open::OpenDirection;
+use self::open::Probe;
 use self::range_image::RangeImage;
+use self::sight::Sight;
 use crate::geometry::kdtree::KdTree;
 use crate::geometry::normals;
 use crate::prepared::thinned;
@@ -54,13 +59,22 @@ const CHUNK: usize = 512;
 /// Weight of a point that was seen through, over one that lies on a surface.
 const CONTRADICTION: f64 = 3.0;
 
-/// A scan prepared for checking motions: its surface, and its range image.
+/// Voxel of outdoor scans, m: lengths that do not depend on the voxel are shares of 1 m there, and
+/// smaller in smaller scenes.
+const OUTDOOR_VOXEL_M: f32 = 0.8;
+
+/// A scan prepared for checking motions: its surface, what its sensor saw in each direction, and
+/// points to ask the other scan about.
 #[derive(Clone, Debug)]
 pub struct Scene {
     points: Vec<Point3<f32>>,
     normals: Vec<Vector3<f32>>,
+    /// Variance of each normal's tilt, rad².
+    tilts_rad2: Vec<f32>,
     tree: KdTree,
     image: RangeImage,
+    sight: Sight,
+    probes: Vec<Probe>,
     voxel_m: f32,
 }
 
@@ -106,9 +120,28 @@ impl Scene {
     /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
     pub fn new(cloud: &Cloud, voxel_m: f64) -> Result<Self, PrepareError> {
         let points = thinned(cloud, voxel_m, Convention::Sensor)?.points;
-        let normals = normals::from_points(&points, NORMAL_VOXELS * voxel_m, NORMAL_NEIGHBOURS);
+        let planes = normals::planes(&points, NORMAL_VOXELS * voxel_m, NORMAL_NEIGHBOURS);
         let (tree, image) = (KdTree::new(&points), RangeImage::new(&cloud.points, DIRECTION_DEG));
-        Ok(Self { points, normals, tree, image, voxel_m: voxel_m as f32 })
+        let (voxel_m, unit_m) = (voxel_m as f32, unit_m(voxel_m as f32));
+        let echoes = cloud.points.iter().filter(|p| is_finite(p) && p.coords != Vector3::zeros());
+        Ok(Self {
+            normals: planes.iter().map(|plane| plane.normal).collect(),
+            tilts_rad2: planes
+                .iter()
+                .map(|plane| Self::tilt_rad2(plane.tilt_rad2, plane.spread_m2, unit_m))
+                .collect(),
+            sight: Sight::new(&cloud.points),
+            probes: open::probes(echoes.copied(), unit_m),
+            points,
+            tree,
+            image,
+            voxel_m,
+        })
+    }
+
+    /// Unit of the lengths that do not depend on the voxel, m: 1 outdoors.
+    fn unit_m(&self) -> f32 {
+        unit_m(self.voxel_m)
     }
 
     /// The evidence of this scan, the target, and a source for a motion.
@@ -163,6 +196,10 @@ impl Scene {
         let least_m = range_m * (1.0 + BEHIND_SHARE) + BEHIND_VOXELS * self.voxel_m;
         self.image.nearest_m(point).is_some_and(|seen_m| seen_m > least_m)
     }
+}
+
+fn unit_m(voxel_m: f32) -> f32 {
+    (voxel_m / OUTDOOR_VOXEL_M).min(1.0)
 }
 
 #[cfg(test)]
