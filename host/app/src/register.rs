@@ -19,8 +19,8 @@ use echoloop_clouds::{
 use echoloop_files::say;
 use echoloop_registration::geometry::voxel;
 use echoloop_registration::{
-    Confirmed, IcpConfig, Method, MethodConfig, Outcome, Registration, StopReason, Suggestions,
-    build,
+    Confirmed, IcpConfig, Method, MethodConfig, OpenDirection, Outcome, Registration, StopReason,
+    Suggestions, build,
 };
 
 /// Largest difference of two shifts that become one, m, so that clouds nearly in place are
@@ -257,7 +257,9 @@ fn document(
         "inlier_fraction": outcome.inlier_fraction,
         "supported": outcome.overlap.map(|o| o.supported),
         "seen_through": outcome.overlap.map(|o| o.seen_through),
-        "unobservable_directions": outcome.observability.as_ref().map(|o| o.unobservable),
+        "unobservable_directions":
+            outcome.observability.as_ref().map(|o| o.unobservable.max(outcome.open.len())),
+        "open_directions": frames.open(outcome).iter().map(open_direction).collect::<Vec<_>>(),
         "covariance": frames.covariance(outcome).map(|c| c.to_rows()),
         "matches": outcome.consensus.map(|c| c.matches),
         "searched": outcome.consensus.map(|c| c.searched),
@@ -310,8 +312,22 @@ fn lines(outcome: &Outcome, frames: &Frames, cpu_s: f64) -> String {
         1e3 * outcome.rmse_m,
     );
     let more = [overlap(outcome), spread(outcome, frames), consensus(outcome)];
-    let more: String = more.into_iter().flatten().collect();
+    let open = frames.open(outcome).iter().map(open_line).collect();
+    let more: String = more.into_iter().flatten().chain([open]).collect();
     format!("target_from_source\n{matrix}{motion}{found}{more}")
+}
+
+/// A direction that the scans leave open: m and degrees, per metre that it moves the points.
+fn open_direction(open: &OpenDirection) -> serde_json::Value {
+    serde_json::json!({
+        "translation_m": open.shift_m,
+        "rotation_deg": open.turn_rad.map(f64::to_degrees),
+    })
+}
+
+fn open_line(open: &OpenDirection) -> String {
+    let ([x, y, z], [a, b, c]) = (open.shift_m, open.turn_rad.map(f64::to_degrees));
+    format!("open to a shift of {x:.2} {y:.2} {z:.2} m with a turn of {a:.2} {b:.2} {c:.2}°\n")
 }
 
 fn overlap(outcome: &Outcome) -> Option<String> {

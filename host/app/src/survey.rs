@@ -5,7 +5,7 @@ use std::fmt::{Display, Formatter, Result};
 
 use echoloop_clouds::survey::shifted;
 use echoloop_clouds::{Pose, Recorded};
-use echoloop_registration::{Covariance, Outcome};
+use echoloop_registration::{Covariance, OpenDirection, Outcome};
 use nalgebra::{Point3, Vector3};
 
 /// The shifts of two clouds, and the centre of the source.
@@ -43,6 +43,16 @@ impl Frames {
         let centre_m = outcome.target_from_source * (self.centre_m - self.source_shift_m);
         let about = |c: Covariance| if self.are_shifted() { c.about(&centre_m) } else { c };
         outcome.covariance.map(about)
+    }
+
+    /// Directions that the scans leave open, about the same point as the covariance.
+    pub(super) fn open(&self, outcome: &Outcome) -> Vec<OpenDirection> {
+        let centre_m = outcome.target_from_source * (self.centre_m - self.source_shift_m);
+        let about = |open: &OpenDirection| match self.are_shifted() {
+            true => open.about(&centre_m),
+            false => *open,
+        };
+        outcome.open.iter().map(about).collect()
     }
 
     /// A motion of the files about the centre of the source; None without a shift.

@@ -904,6 +904,7 @@ fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
         "supported",
         "seen_through",
         "unobservable_directions",
+        "open_directions",
         "covariance",
         "matches",
         "searched",
