@@ -115,8 +115,12 @@ impl Recorded {
         Ok(self.cloud)
     }
 
-    /// Refuses coordinates that are too large.
+    /// Refuses coordinates that are too large. Single points far off, as some sensors mark what
+    /// they did not see, are no matter where `f32` holds the cloud.
     pub(crate) fn check_range(&self) -> Result<(), String> {
+        if self.exact.is_none() {
+            return Ok(());
+        }
         check_range(self.coordinates())
     }
 
@@ -142,9 +146,16 @@ impl Recorded {
                 self.exact = Some(Exact { at_m: at_m.collect(), precision: Precision::Wide });
             }
         }
+        let before_m = self.shift_m.amax();
         self.shift_m = Vector3::zeros();
         self.narrow();
         self.locate();
+        let is_farther = self.shift_m.amax() > 2.0 * before_m;
+        for exact in
+            self.exact.iter_mut().filter(|e| is_farther && e.precision == Precision::Single)
+        {
+            exact.precision = Precision::Wide; // f32 would lose what it held before
+        }
         let cloud = &mut self.cloud;
         let turned = |n: Vector3<f64>| new_from_old.rotation * n;
         for normal in cloud.normals.iter_mut().flatten() {

@@ -116,8 +116,9 @@ impl Destination {
     /// Bytes of memory per number.
     fn size(self, kind: NumberType) -> usize {
         match self {
-            Self::Axis(_) if kind.size() > size_of::<f32>() => size_of::<f64>() + size_of::<f32>(),
-            Self::Axis(_) | Self::RangeSd => size_of::<f32>(),
+            // As wide as the file has it, or far from the origin, beside the point itself.
+            Self::Axis(_) => size_of::<f64>() + size_of::<f32>(),
+            Self::RangeSd => size_of::<f32>(),
             Self::Column(_) => kind.size(),
         }
     }
