@@ -1,6 +1,6 @@
 //! Plans, and the cells of their axes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
@@ -93,10 +93,12 @@ impl Plan {
         let mut cells = vec![Cell::default()];
         for Axis { name, values, .. } in &self.axis {
             let selected = selection.iter().find(|(axis, some)| axis == name && !some.is_empty());
-            let values: Vec<String> = match selected {
+            let mut values: Vec<String> = match selected {
                 Some((_, some)) => some.to_vec(),
                 None => values.iter().map(|value| value.name.clone()).collect(),
             };
+            let mut seen = BTreeSet::new();
+            values.retain(|value| seen.insert(value.clone())); // a value given twice is one
             let all = cells.iter().flat_map(|cell| values.iter().map(|v| cell.with(name, v)));
             cells = all.collect();
         }
