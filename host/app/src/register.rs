@@ -257,8 +257,7 @@ fn document(
         "inlier_fraction": outcome.inlier_fraction,
         "supported": outcome.overlap.map(|o| o.supported),
         "seen_through": outcome.overlap.map(|o| o.seen_through),
-        "unobservable_directions":
-            outcome.observability.as_ref().map(|o| o.unobservable.max(outcome.open.len())),
+        "unobservable_directions": outcome.observability.as_ref().map(|o| o.unobservable),
         "open_directions": frames.open(outcome).iter().map(open_direction).collect::<Vec<_>>(),
         "covariance": frames.covariance(outcome).map(|c| c.to_rows()),
         "matches": outcome.consensus.map(|c| c.matches),

@@ -52,6 +52,7 @@ fn checked(mut outcome: Outcome, target: &Scene, source: &Scene) -> Outcome {
 
 #[cfg(test)]
 mod tests {
+    use super::super::open::tests::tunnel;
     use super::super::tests::yard;
     use super::*;
 
@@ -80,6 +81,18 @@ mod tests {
         let wrong = run(-3.0, StopReason::Converged);
         assert_eq!(wrong.stop, StopReason::Unconfirmed);
         assert!(wrong.overlap.is_some_and(|overlap| overlap.seen_through > 0.01), "{wrong:?}");
+    }
+
+    #[test]
+    fn a_motion_that_may_slide_along_a_tunnel_is_degenerate_whatever_the_method_says() {
+        let said = |stop| {
+            let method = Confirmed { method: Fake { x_m: 0.0, stop }, voxel_m: 0.8 };
+            method.register(&tunnel(0.0, 500.0), &tunnel(2.0, 500.0), &Pose::identity())
+        };
+        for stop in [StopReason::Converged, StopReason::NoConsensus, StopReason::Degenerate] {
+            let outcome = said(stop);
+            assert_eq!((outcome.stop, outcome.open.len()), (StopReason::Degenerate, 1), "{stop:?}");
+        }
     }
 
     #[test]

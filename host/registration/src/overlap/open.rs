@@ -1,8 +1,8 @@
 //! Directions in which a motion may slide without the scans noticing.
 //!
 //! Eigenvalues of the information alone do not tell a tunnel from a street: in a smooth tube the
-//! errors of normals and ranges make as much of it as a few niches do, and since a sensor errs alike
-//! in both scans, most of all where the two scans stand on the same spot. So they only choose the
+//! errors of normals and ranges make as much of it as a few niches do, and most of all where both
+//! scans stand on the same spot, since a sensor errs alike in both. So they only choose the
 //! directions to ask about; then the motion is slid along, and the scans are asked what is worse.
 
 use std::collections::{HashMap, HashSet};
@@ -23,6 +23,9 @@ const MOST_PROBES: usize = 8_000;
 /// Most points whose normals are compared for the information.
 const MOST_COMPARED: usize = 2_000;
 
+/// Least number of pairs of normals: fewer say nothing about what is weak.
+const LEAST_PAIRS: usize = 6;
+
 /// Range error that neighbours share, over the unit: it tilts their plane by as much over their
 /// spread.
 const SHARED_ERROR_UNITS: f32 = 0.02;
@@ -40,16 +43,16 @@ const ON: [f32; 2] = [0.08, 0.004];
 /// Largest such distance, over the unit: farther from its points a plane tells nothing.
 const MOST_ON_UNITS: f32 = 0.4;
 
-/// Distance in front of all that was seen at which a point was seen through: over the unit, and over
-/// its range.
+/// Distance in front of all that was seen at which a point was seen through: over the unit, and
+/// over its range.
 const THROUGH: [f32; 2] = [0.15, 0.01];
 
 /// Size of a cluster: over the unit, and over its range. Errors within it are not independent.
 const CLUSTER: [f32; 2] = [0.5, 0.1];
 
-/// Information, as a share of what pairs hold about all directions, below which a direction is asked
-/// about. In tunnels, on highways and in fields the least is below 0.001 in 9 of 10 scans; to ask
-/// about more directions costs right motions of narrow fields of view.
+/// Information, as a share of what pairs hold about all directions, below which a direction is
+/// asked about. In tunnels, on highways and in fields the least is below 0.001 in 9 of 10 scans; to
+/// ask about more directions costs right motions of narrow fields of view.
 const WEAK: f64 = 0.002;
 
 /// Mean displacements at which a direction is asked about, over the unit.
@@ -142,6 +145,7 @@ impl Scene {
             .filter_map(|p| self.pair(source, p, motion))
             .collect();
         let sum: Vector3<f64> = pairs.iter().map(|(at, _)| at).sum();
+        let few = pairs.len() < LEAST_PAIRS;
         let squares = pairs.iter().map(|(at, _)| at.norm_squared()).sum();
         let mut information = Matrix6::zeros();
         for (at, normals) in &pairs {
@@ -154,7 +158,8 @@ impl Scene {
         let centred = Centred::new(pairs.len(), &sum, squares);
         let shares = centred.square(&information) / (2 * pairs.len().max(1)) as f64;
         let eigen = shares.symmetric_eigen();
-        let mut order: Vec<usize> = (0..6).filter(|i| eigen.eigenvalues[*i] < WEAK).collect();
+        let is_weak = |i: &usize| !few && eigen.eigenvalues[*i] < WEAK;
+        let mut order: Vec<usize> = (0..6).filter(is_weak).collect();
         order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
         let column = |i: &usize| eigen.eigenvectors.column(*i).into_owned();
         (centred, order.iter().map(column).collect())
@@ -293,16 +298,17 @@ impl From<Vector6<f64>> for OpenDirection {
 
 impl Outcome {
     /// The same; [`StopReason::Degenerate`] if the scans leave directions open at its motion, with
-    /// the covariance wide along them.
+    /// the covariance wide along them. A motion that its pairs left open is asked about, too.
     pub(crate) fn with_open_directions(mut self, target: &Scene, source: &Scene) -> Self {
-        if !matches!(self.stop, StopReason::Converged | StopReason::MaxIterations) {
+        use StopReason::{Converged, Degenerate, MaxIterations};
+        if !matches!(self.stop, Converged | MaxIterations | Degenerate) {
             return self;
         }
         self.open = target.open_directions(source, &self.target_from_source);
         if self.open.is_empty() {
             return self;
         }
-        self.stop = StopReason::Degenerate;
+        self.stop = Degenerate;
         let open_m = OPEN_UNITS * f64::from(target.unit_m());
         for OpenDirection { turn_rad: [a, b, c], shift_m: [x, y, z] } in &self.open {
             let wide = Vector6::new(*a, *b, *c, *x, *y, *z) * open_m;
@@ -314,14 +320,14 @@ impl Outcome {
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
-mod tests {
+pub(super) mod tests {
     use echoloop_clouds::Cloud;
 
     use super::super::tests::yard;
     use super::*;
 
     /// A tunnel 6 m wide as a sensor sees it from `x_m`; it ends at `end_m`.
-    fn tunnel(x_m: f32, end_m: f32) -> Scene {
+    pub(in crate::overlap) fn tunnel(x_m: f32, end_m: f32) -> Cloud {
         let ray = |i: i32| {
             let (azimuth, elevation) = ((i % 360) as f32, (i / 360) as f32 * 1.4 - 32.0);
             let (azimuth, elevation) = (azimuth.to_radians(), elevation.to_radians());
@@ -336,7 +342,11 @@ mod tests {
             let tube_m = to(way.y, -3.2, 2.8).min(to(way.z, -1.5, 3.0));
             Point3::from(way * tube_m.min(to(way.x, -500.0, end_m - x_m)))
         };
-        Scene::new(&Cloud::new((0..360 * 45).map(ray).collect()), 0.8).unwrap()
+        Cloud::new((0..360 * 45).map(ray).collect())
+    }
+
+    fn seen(x_m: f32, end_m: f32) -> Scene {
+        Scene::new(&tunnel(x_m, end_m), 0.8).unwrap()
     }
 
     fn shift(x_m: f64) -> Pose {
@@ -345,7 +355,7 @@ mod tests {
 
     #[test]
     fn a_tunnel_lets_a_motion_slide_along_it_wherever_it_stands() {
-        let (target, source) = (tunnel(0.0, 500.0), tunnel(2.0, 500.0));
+        let (target, source) = (seen(0.0, 500.0), seen(2.0, 500.0));
         for x_m in [2.0, 0.0] {
             let open = target.open_directions(&source, &shift(x_m));
             assert_eq!(open.len(), 1, "{x_m} m: {open:?}");
@@ -356,7 +366,7 @@ mod tests {
 
     #[test]
     fn the_end_of_a_tunnel_stops_the_slide() {
-        let (target, source) = (tunnel(0.0, 12.0), tunnel(2.0, 12.0));
+        let (target, source) = (seen(0.0, 12.0), seen(2.0, 12.0));
         assert_eq!(target.open_directions(&source, &shift(2.0)), []);
     }
 
@@ -375,7 +385,7 @@ mod tests {
 
     #[test]
     fn a_motion_that_may_slide_is_degenerate_and_its_covariance_wide_along_the_slide() {
-        let (target, source) = (tunnel(0.0, 500.0), tunnel(2.0, 500.0));
+        let (target, source) = (seen(0.0, 500.0), seen(2.0, 500.0));
         let covariance = Some(Covariance(Matrix6::identity() * 1e-4));
         let at = |stop| Outcome { covariance, ..Outcome::nothing(&shift(0.0), stop) };
         let said = at(StopReason::Converged).with_open_directions(&target, &source);
