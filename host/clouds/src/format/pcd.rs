@@ -116,12 +116,17 @@ impl Destination {
     /// Bytes of memory per number.
     fn size(self, kind: NumberType) -> usize {
         match self {
-            // As wide as the file has it, or far from the origin, beside the point itself.
-            Self::Axis(_) => size_of::<f64>() + size_of::<f32>(),
-            Self::RangeSd => size_of::<f32>(),
+            // As wide as the file has it, beside the point itself.
+            Self::Axis(_) if !is_single(kind) => size_of::<f64>() + size_of::<f32>(),
+            Self::Axis(_) | Self::RangeSd => size_of::<f32>(),
             Self::Column(_) => kind.size(),
         }
     }
+}
+
+/// True when `f32` holds every number of a kind.
+fn is_single(kind: NumberType) -> bool {
+    kind == NumberType::F32 || kind.size() < size_of::<f32>()
 }
 
 /// The fields to keep, in the order of the file.
