@@ -13,6 +13,7 @@
 //! # Ok::<(), echoloop_registration::PrepareError>(())
 //! ```
 
+mod cells;
 mod confirmed;
 mod open;
 mod range_image;

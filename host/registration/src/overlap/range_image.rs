@@ -1,41 +1,40 @@
 //! Range image: the distance that a sensor saw in each direction.
 
-use std::f32::consts::{FRAC_PI_2, PI, TAU};
-
 use echoloop_clouds::is_finite;
 use nalgebra::Point3;
+
+use super::cells::{Cells, direction};
 
 /// The nearest range seen in each direction and the eight around it; nothing where no echo came
 /// back, which is no proof of open space: it may have been too dark.
 #[derive(Clone, Debug)]
 pub(super) struct RangeImage {
-    columns: usize,
-    rows: usize,
-    step_rad: f32,
-    /// Row after row from straight down, m; infinite where nothing was seen.
+    cells: Cells,
+    /// Of each cell, m; infinite where nothing was seen.
     nearest_m: Vec<f32>,
 }
 
 impl RangeImage {
     /// The range image of a scan, with the sensor at the origin.
     pub(super) fn new(points: &[Point3<f32>], step_deg: f32) -> Self {
-        let step_rad = step_deg.to_radians();
-        let (columns, rows) = ((TAU / step_rad).round() as usize, (PI / step_rad).round() as usize);
-        let nearest_m = vec![f32::INFINITY; columns * rows];
-        let mut image = Self { columns, rows, step_rad, nearest_m };
+        let cells = Cells::of_step(step_deg.to_radians());
+        let mut image = Self { cells, nearest_m: vec![f32::INFINITY; cells.len()] };
         for point in points.iter().filter(|p| is_finite(p)) {
-            let (at, range_m) = (image.at(point), point.coords.norm());
+            let (at, range_m) = (cells.at(&direction(point)), point.coords.norm());
             if range_m > 0.0 && range_m < image.nearest_m[at] {
                 image.nearest_m[at] = range_m;
             }
         }
-        image.nearest_m = (0..columns * rows).map(|at| image.around_m(at)).collect();
+        image.nearest_m = (0..cells.len()).map(|at| image.around_m(at)).collect();
         image
     }
 
     /// The nearest range seen around a point's direction, m; none where nothing was seen.
     pub(super) fn nearest_m(&self, point: &Point3<f32>) -> Option<f32> {
-        self.nearest_m.get(self.at(point)).copied().filter(|range_m| range_m.is_finite())
+        self.nearest_m
+            .get(self.cells.at(&direction(point)))
+            .copied()
+            .filter(|range_m| range_m.is_finite())
     }
 
     /// The nearest of a direction and the eight around it; infinite where it saw nothing itself.
@@ -43,20 +42,11 @@ impl RangeImage {
         if self.nearest_m[at].is_infinite() {
             return f32::INFINITY;
         }
-        let (row, column) = (at / self.columns, at % self.columns);
-        let rows = row.saturating_sub(1)..(row + 2).min(self.rows);
-        // All the way round: the first column is beside the last.
-        let columns = [column + self.columns - 1, column, column + 1].map(|c| c % self.columns);
-        rows.flat_map(|row| columns.map(|column| self.nearest_m[row * self.columns + column]))
+        let (row, column) = self.cells.place(at);
+        let rows = row.saturating_sub(1)..(row + 2).min(self.cells.rows);
+        rows.flat_map(|row| self.cells.beside(row, column))
+            .map(|at| self.nearest_m[at])
             .fold(f32::INFINITY, f32::min)
-    }
-
-    fn at(&self, point: &Point3<f32>) -> usize {
-        let azimuth = point.y.atan2(point.x) + PI;
-        let elevation = point.z.atan2(point.x.hypot(point.y)) + FRAC_PI_2;
-        let column = ((azimuth / self.step_rad) as usize).min(self.columns - 1);
-        let row = ((elevation / self.step_rad) as usize).min(self.rows - 1);
-        row * self.columns + column
     }
 }
 
