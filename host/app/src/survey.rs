@@ -37,21 +37,23 @@ impl Frames {
         shifted(target_from_source, &-self.target_shift_m, &-self.source_shift_m)
     }
 
+    /// Centre of the source in the frame of the target cloud, m; None without a shift.
+    fn centre_inside_m(&self, outcome: &Outcome) -> Option<Point3<f64>> {
+        let centre_m = || outcome.target_from_source * (self.centre_m - self.source_shift_m);
+        self.are_shifted().then(centre_m)
+    }
+
     /// Covariance of the motion: about the centre of the source, where the target has it, if a
     /// cloud has a shift; else about the target's origin.
     pub(super) fn covariance(&self, outcome: &Outcome) -> Option<Covariance> {
-        let centre_m = outcome.target_from_source * (self.centre_m - self.source_shift_m);
-        let about = |c: Covariance| if self.are_shifted() { c.about(&centre_m) } else { c };
-        outcome.covariance.map(about)
+        let centre_m = self.centre_inside_m(outcome);
+        outcome.covariance.map(|c| centre_m.map_or(c, |centre_m| c.about(&centre_m)))
     }
 
     /// Directions that the scans leave open, about the same point as the covariance.
     pub(super) fn open(&self, outcome: &Outcome) -> Vec<OpenDirection> {
-        let centre_m = outcome.target_from_source * (self.centre_m - self.source_shift_m);
-        let about = |open: &OpenDirection| match self.are_shifted() {
-            true => open.about(&centre_m),
-            false => *open,
-        };
+        let centre_m = self.centre_inside_m(outcome);
+        let about = |open: &OpenDirection| centre_m.map_or(*open, |centre_m| open.about(&centre_m));
         outcome.open.iter().map(about).collect()
     }
 
