@@ -6,36 +6,15 @@
 //! ratio of the squared error to its expectation, `ξᵀ C⁻¹ ξ / 6`: mean, median, largest, and the
 //! share within the ellipsoid of 95 %.
 
-use std::error::Error;
 use std::path::Path;
 
-use echoloop_clouds::pose::{Pose, read_pose, rotation_error_deg, translation_error_m};
-use echoloop_clouds::{Cloud, read_cloud};
+use echoloop_benches::pairs::{Pair, read_pairs};
+use echoloop_clouds::pose::{Pose, rotation_error_deg, translation_error_m};
 use echoloop_registration::{FgrMode, Method, MethodConfig, Suggestions, build};
 use rayon::prelude::*;
 
 /// 95 % quantile of χ² with six degrees of freedom.
 const CHI_SQUARED_6_95: f64 = 12.592;
-
-struct Pair {
-    target: Cloud,
-    source: Cloud,
-    truth: Pose,
-}
-
-/// Pairs of a folder.
-fn read(folder: &Path) -> Result<Vec<Pair>, Box<dyn Error>> {
-    let text = std::fs::read_to_string(folder.join("pairs.json"))?;
-    let document: serde_json::Value = serde_json::from_str(&text)?;
-    let entries = document["pairs"].as_array().ok_or("pairs.json lists no pairs")?;
-    let pair = |entry: &serde_json::Value| -> Result<Pair, Box<dyn Error>> {
-        let name = entry["name"].as_str().ok_or("a pair has no name")?;
-        let cloud = |end: &str| read_cloud(&folder.join(format!("{name}_{end}.ply")));
-        let truth = read_pose(&folder.join(format!("{name}_target_from_source.txt")))?;
-        Ok(Pair { target: cloud("target")?.0, source: cloud("source")?.0, truth })
-    };
-    entries.iter().map(pair).collect()
-}
 
 /// Source of the settings.
 #[derive(Clone, Copy, Debug)]
@@ -73,11 +52,11 @@ fn normalized(method: Method, from: From, pair: &Pair) -> Option<f64> {
     near.then_some(normalized.unwrap_or(f64::INFINITY))
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> echoloop_benches::Result<()> {
     println!("| folder | method | settings | found | mean | median | largest | within 95 % |");
     println!("|---|---|---|---|---|---|---|---|");
     for folder in std::env::args().skip(1) {
-        let pairs = read(Path::new(&folder))?;
+        let pairs = read_pairs(Path::new(&folder))?;
         for method in [Method::Icp, Method::Gicp] {
             for from in [From::Defaults, From::Chosen, From::NoKernel] {
                 let mut all: Vec<f64> =

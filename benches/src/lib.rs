@@ -1,6 +1,7 @@
 //! Parts that several benches and programs share.
 
 pub mod cpu;
+pub mod pairs;
 pub mod waveforms;
 
 use std::error::Error;
