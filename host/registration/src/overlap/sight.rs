@@ -15,7 +15,8 @@ const FINE_DEG: f32 = 0.5;
 const CELL_SPACINGS: f32 = 1.5;
 
 /// The ranges seen in each direction and around it, in cells that suit the spacing of the scan's
-/// directions. Nothing is known of a direction in which nothing was seen: it may have been too dark.
+/// directions. Nothing is known of a direction in which nothing was seen: it may have been too
+/// dark.
 #[derive(Clone, Debug)]
 pub(super) struct Sight {
     cells: Cells,
