@@ -9,6 +9,7 @@ use super::common::{Common, on_threads};
 use super::exit::Failure;
 use super::method_choice::{method_parser, methods_that};
 use super::method_flags::MethodFlags;
+use super::number::{flag, number_as};
 use super::survey::Frames;
 use echoloop_closed_loop::parameters::{Parameters, written};
 use echoloop_closed_loop::run_folder::tuned_run::tuned_config;
@@ -17,6 +18,7 @@ use echoloop_clouds::{
     Cloud, CloudError, CloudFormat, Dropped, Recorded, read_points, read_recorded,
 };
 use echoloop_files::say;
+use echoloop_parameters::{Bounds, Kind, Parameter};
 use echoloop_registration::geometry::voxel;
 use echoloop_registration::{
     Confirmed, IcpConfig, Method, MethodConfig, OpenDirection, Outcome, Registration, StopReason,
@@ -27,6 +29,9 @@ use echoloop_registration::{
 /// cut into the same voxels.
 const SAME_FRAME_M: f64 = 10.0;
 
+/// Metres in the units of files.
+const SCALE: Parameter = flag(Kind::Number, Bounds::between(1e-6, 1e6));
+
 /// Flags of `register`. Without any, they are chosen from the clouds.
 #[derive(Clone, Debug, Args)]
 #[command(allow_negative_numbers = true)]
@@ -35,6 +40,13 @@ pub(crate) struct RegisterArgs {
     target: PathBuf,
     /// The cloud that moves.
     source: PathBuf,
+    /// Metres per unit of the clouds' files, as 0.001 for millimetres; of TARGET and SOURCE, if
+    /// they differ: 0.001,1. All that is written is in metres.
+    #[arg(
+        long, value_name = "M", value_delimiter = ',', default_value = "1",
+        value_parser = number_as::<f64>(SCALE)
+    )]
+    scale: Vec<f64>,
     #[command(flatten)]
     common: Common,
     /// The method.
@@ -73,11 +85,14 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
     check(args)?;
     let at = |path: &PathBuf| CloudOutput::at(path, args.format);
     let output = args.output.as_ref().map(at).transpose()?;
-    let target = read(args, &args.target, read_points)?;
+    let scale = |cloud: usize| args.scale.get(cloud).or(args.scale.last()).copied().unwrap_or(1.0);
+    let mut target = read(args, &args.target, read_points)?;
     let mut source = match output {
         Some(_) => read(args, &args.source, read_recorded)?,
         None => read(args, &args.source, read_points)?,
     };
+    target.scale(scale(0));
+    source.scale(scale(1));
     if (source.shift_m - target.shift_m).amax() <= SAME_FRAME_M {
         source.shift_by(target.shift_m);
     }
@@ -112,6 +127,12 @@ fn check(args: &RegisterArgs) -> Result<(), Failure> {
         return Err(Failure::usage(format!(
             "--initial goes with {}: {name} searches everywhere",
             methods_that(|method| !method.is_rough())
+        )));
+    }
+    if args.scale.len() > 2 {
+        return Err(Failure::usage(format!(
+            "--scale: expected one number, or TARGET's and SOURCE's, found {}",
+            args.scale.len()
         )));
     }
     args.settings.check(args.method)

@@ -92,6 +92,25 @@ impl Recorded {
         }
     }
 
+    /// Brings a cloud to metres, whose file has its lengths in another unit.
+    pub fn scale(&mut self, m_per_unit: f64) {
+        if m_per_unit == 1.0 {
+            return;
+        }
+        match &mut self.exact {
+            Some(exact) => exact.at_m.iter_mut().for_each(|p| *p *= m_per_unit),
+            None => {
+                let scaled = |p: &mut Point3<f32>| *p = (p.cast::<f64>() * m_per_unit).cast();
+                self.cloud.points.iter_mut().for_each(scaled);
+            }
+        }
+        let sds = self.cloud.range_sd_m.iter_mut().flatten();
+        sds.for_each(|sd| *sd = (f64::from(*sd) * m_per_unit) as f32);
+        self.shift_m = Vector3::zeros();
+        self.narrow();
+        self.locate();
+    }
+
     /// Sets the shift, whole metres, of a cloud that has one, so that it is near another's frame.
     pub fn shift_by(&mut self, shift_m: Vector3<f64>) {
         if self.shift_m != shift_m && self.exact.is_some() {
@@ -272,6 +291,26 @@ mod tests {
         assert_eq!((recorded.shift_m, &recorded.exact), (Vector3::zeros(), &None));
         let pairs = recorded.cloud.points.iter().zip(&ordinary.cloud.points);
         assert!(pairs.into_iter().all(|(found, point)| (found - point).norm() < 1e-6));
+    }
+
+    #[test]
+    fn a_cloud_in_feet_becomes_one_in_metres_wherever_it_lies() {
+        let foot = 0.3048;
+        let near = Coordinates::Single(vec![[10.0, -20.0, 30.0]]);
+        let mut recorded = Recorded::of(near, Some(vec![0.5]));
+        recorded.scale(foot);
+        let expected = Cloud {
+            range_sd_m: Some(vec![0.1524]),
+            ..Cloud::new(vec![[3.048, -6.096, 9.144].into()])
+        };
+        assert_eq!((recorded.cloud, recorded.exact), (expected, None));
+        let far = [[2.1e6, 7e5, 40.5], [2.1e6, 7e5, 41.5]];
+        let mut recorded = Recorded::of(Coordinates::Double(far.to_vec()), None);
+        recorded.locate();
+        recorded.scale(foot);
+        assert_eq!(recorded.shift_m, Vector3::new(640_080.0, 213_360.0, 14.0));
+        let found = recorded.exact.unwrap().at_m.into_iter().zip(far);
+        found.for_each(|(p, far)| assert!((p - Point3::from(far) * foot).norm() < 1e-9));
     }
 
     #[test]

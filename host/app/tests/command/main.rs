@@ -20,6 +20,7 @@ mod host_front_end;
 mod hostile;
 mod leak;
 mod methods;
+mod odd_clouds;
 mod pairs;
 mod patterns;
 #[cfg(unix)]
