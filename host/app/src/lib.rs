@@ -23,6 +23,7 @@
 //! | `number` | numbers with bounds |
 //! | `order` | flags before the command's name |
 //! | `cloud_output`, `response` | files that several flags describe |
+//! | `hints` | what is odd about clouds that do not register |
 //! | `prepared` | sensor and traced pairs, with progress |
 //! | `progress`, `exit`, `interrupt` | progress bar, printing and exit codes, ^C |
 
@@ -36,6 +37,7 @@ mod difficulty;
 mod echoes;
 mod evaluate;
 mod exit;
+mod hints;
 mod interrupt;
 mod method_choice;
 mod method_flags;

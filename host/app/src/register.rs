@@ -7,6 +7,7 @@ use clap::Args;
 use super::cloud_output::{CloudOutput, format_parser, outputs, tell, wrote};
 use super::common::{Common, on_threads};
 use super::exit::Failure;
+use super::hints::hints;
 use super::method_choice::{method_parser, methods_that};
 use super::method_flags::MethodFlags;
 use super::number::{flag, number_as};
@@ -185,17 +186,26 @@ fn register(
         check_voxel(&[(&args.target, target), (&args.source, source)], global_voxel_m)?;
     }
     let found = outcome.stop.is_success();
+    let failure = (!found).then(|| not_registered(args, &outcome, [target, source]));
     let mut text = output_text(args, &config, (&outcome, &frames), cpu_s)?;
     if let Some(output) = output.filter(|_| found) {
         write(args, recorded, &target_from_source, output)?;
         text += &wrote(&args.common, &args.output);
     }
     tell(output, &args.common, &text)?;
-    let written = if output.is_some() { "; nothing is written" } else { "" };
-    match found {
-        true => Ok(()),
-        false => Err(Failure::run(format!("not registered: {}{written}", outcome.stop))),
-    }
+    failure.map_or(Ok(()), Err)
+}
+
+/// The reason, and what is odd about the clouds.
+fn not_registered(
+    args: &RegisterArgs,
+    outcome: &Outcome,
+    [target, source]: [&Cloud; 2],
+) -> Failure {
+    let written = if args.output.is_some() { "; nothing is written" } else { "" };
+    let hints = hints([(&args.target, target), (&args.source, source)]);
+    let hints: String = hints.iter().map(|hint| format!("\nhint: {hint}")).collect();
+    Failure::run(format!("not registered: {}{written}{hints}", outcome.stop))
 }
 
 /// Writes the source in the target's frame.

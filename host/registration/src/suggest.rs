@@ -223,8 +223,8 @@ fn filling_voxel_m(thinned: &Cloud) -> f64 {
     normal_m.max(feature_m)
 }
 
-/// Radius of the ball around the median point that holds 9 of 10 points; 0 without points.
-fn radius_m(cloud: &Cloud) -> f64 {
+/// Radius of the ball around the median point that holds 9 of 10 points, m; 0 without points.
+pub fn radius_m(cloud: &Cloud) -> f64 {
     let echoes: Vec<&Point3<f32>> =
         cloud.points.iter().filter(|p| is_finite(p) && p.coords.norm() > 0.0).collect();
     let middle = Point3::from([0, 1, 2].map(|axis| quantile(echoes.iter().map(|p| p[axis]), 0.5)));

@@ -1,7 +1,8 @@
-//! Clouds that are not what `register` expects: in another unit.
+//! Clouds that are not what `register` expects: in another unit, of few points, of one shape. The
+//! refusal names the cloud and the cure, and the cure works.
 
 use echoloop_clouds::{Cloud, CloudFormat, read_cloud, read_recorded};
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use serde_json::Value;
 
 use crate::clouds::pair;
@@ -32,6 +33,14 @@ fn motion(document: &Value) -> Vec<f64> {
     rows.flat_map(|row| row.as_array().expect("a row")).filter_map(Value::as_f64).collect()
 }
 
+/// Standard error of what must not register.
+fn refusal(fixture: &Fixture, files: &[&str]) -> String {
+    let output = fixture.run(&[&REGISTER[..], files].concat());
+    assert_eq!(output.code, Some(1), "{files:?}: {}", output.stderr);
+    assert!(output.stderr.starts_with("error: not registered: "), "{}", output.stderr);
+    output.stderr
+}
+
 #[test]
 fn clouds_in_any_unit_register_with_its_scale_and_are_written_in_metres() {
     let fixture = Fixture::new();
@@ -56,4 +65,50 @@ fn clouds_in_any_unit_register_with_its_scale_and_are_written_in_metres() {
     let many = ["register", "target.ply", "source.ply", "--scale", "1,1,1"];
     fixture.refuses(&many, &["--scale", "found 3"]);
     fixture.refuses(&["register", "target.ply", "source.ply", "--scale", "0"], &["--scale"]);
+}
+
+#[test]
+fn a_refusal_names_the_cloud_in_another_unit_and_the_flag_that_cures_it() {
+    let fixture = Fixture::new();
+    pair_in(&fixture, &[("mm", 1000.0)]);
+    let [both, one] = [["target_mm.ply", "source_mm.ply"], ["target.ply", "source_mm.ply"]]
+        .map(|files| refusal(&fixture, &files));
+    assert!(both.contains("hint: 9 of 10 points of ") && both.contains("--scale"), "{both}");
+    assert!(one.contains("hint: source_mm.ply is ") && one.ends_with("1,0.001\n"), "{one}");
+    // Another place is no other unit.
+    write(&fixture, "away.ply", yard_on_its_side(&fixture));
+    let away = refusal(&fixture, &["target.ply", "away.ply"]);
+    assert!(!away.contains("hint"), "{away}");
+}
+
+/// The source, bent to something else of about its size.
+fn yard_on_its_side(fixture: &Fixture) -> impl Iterator<Item = Point3<f32>> + use<> {
+    let (cloud, _) = read_cloud(&fixture.path("source.ply")).expect("a scan");
+    cloud.points.into_iter().map(|p| Point3::new(p.z * 7.0, p.x * 0.5, p.y * p.y * 0.02))
+}
+
+#[test]
+fn a_refusal_names_clouds_of_few_points_or_of_one_shape() {
+    let fixture = Fixture::new();
+    pair_in(&fixture, &[]);
+    let (cloud, _) = read_cloud(&fixture.path("source.ply")).expect("a scan");
+    write(&fixture, "few.ply", cloud.points.iter().step_by(200).copied());
+    let line = |i: i32| Point3::from(Vector3::new(1.0, 0.2, 0.1) * i as f32 * 0.01);
+    write(&fixture, "line.ply", (1..3000).map(line));
+    let ring = |i: i32| {
+        let azimuth = (i as f32 * 0.12).to_radians();
+        let range_m = 5.0 + 3.0 * (3.0 * azimuth).sin();
+        Point3::new(azimuth.cos(), azimuth.sin(), 0.1) * range_m
+    };
+    write(&fixture, "ring.ply", (0..3000).map(ring));
+    for (name, expected) in [
+        ("few.ply", "hint: few.ply has "),
+        ("line.ply", "hint: the points of line.ply lie on a line"),
+        ("ring.ply", "hint: the points of ring.ply are one ring of a scan"),
+    ] {
+        for files in [["target.ply", name], [name, "target.ply"]] {
+            let said = refusal(&fixture, &files);
+            assert!(said.contains(expected), "{said}");
+        }
+    }
 }
