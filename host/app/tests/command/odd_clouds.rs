@@ -1,5 +1,5 @@
-//! Clouds that are not what `register` expects: in another unit, of few points, of one shape. The
-//! refusal names the cloud and the cure, and the cure works.
+//! Clouds that are not what `register` expects: in another unit, of few points, of one shape, of a
+//! tunnel. The refusal names the cloud and the cure, and the cure works.
 
 use echoloop_clouds::{Cloud, CloudFormat, read_cloud, read_recorded};
 use nalgebra::{Point3, Vector3};
@@ -110,5 +110,50 @@ fn a_refusal_names_clouds_of_few_points_or_of_one_shape() {
             let said = refusal(&fixture, &files);
             assert!(said.contains(expected), "{said}");
         }
+    }
+}
+
+/// A smooth tunnel 6 m wide along x, as a sensor that sees 100 m far has it from `x_m`, with 2 cm
+/// of noise.
+fn tunnel(x_m: f32) -> impl Iterator<Item = Point3<f32>> {
+    (0..360 * 45).filter_map(move |i| {
+        let (azimuth, elevation) = ((i % 360) as f32, (i / 360) as f32 * 1.4 - 32.0);
+        let (azimuth, elevation) = (azimuth.to_radians(), elevation.to_radians());
+        let (cos, sin) = (elevation.cos(), elevation.sin());
+        let way = Vector3::new(azimuth.cos() * cos, azimuth.sin() * cos, sin);
+        let to = |along: f32, low: f32, high: f32| (if along < 0.0 { low } else { high }) / along;
+        let range_m = to(way.y, -3.2, 2.8).min(to(way.z, -1.5, 3.0));
+        let noise_m = 0.02 * ((i as f32 + 7.0 * x_m) * 12.9898).sin();
+        (range_m < 100.0).then(|| Point3::from(way * (range_m + noise_m)))
+    })
+}
+
+#[test]
+fn a_tunnel_is_degenerate_with_one_open_direction_along_it_and_a_motion_all_the_same() {
+    let fixture = Fixture::new();
+    write(&fixture, "target.ply", tunnel(0.0));
+    write(&fixture, "source.ply", tunnel(2.0));
+    for method in ["auto", "icp"] {
+        let files = ["target.ply", "source.ply", "--method", method];
+        let output = fixture.run(&[&REGISTER[..], &files].concat());
+        assert_eq!(output.code, Some(1), "{}", output.stderr);
+        assert!(output.stderr.contains("degenerate") && !output.stderr.contains("hint"));
+        let document = output.json();
+        assert_eq!(
+            (&document["stop"], &document["converged"]),
+            (&"Degenerate".into(), &false.into())
+        );
+        let open = document["open_directions"].as_array().expect("a list");
+        assert_eq!(open.len(), 1, "{document}");
+        let shift_m = |axis: usize| open[0]["translation_m"][axis].as_f64().expect("m").abs();
+        assert!(shift_m(0) > 0.95 && shift_m(1) < 0.1 && shift_m(2) < 0.1, "{document}");
+        let sd_m =
+            |axis: usize| document["covariance"][3 + axis][3 + axis].as_f64().expect("m²").sqrt();
+        assert!(sd_m(0) > 3.0 && sd_m(1) < 0.5 && sd_m(2) < 0.5, "{document}");
+        // What the walls tell stands: neither turn nor shift across the tunnel.
+        let motion = motion(&document);
+        let identity = |i: usize| f64::from(u8::from(i.is_multiple_of(5)));
+        let is_told = (0..16).filter(|i| *i != 3).all(|i| (motion[i] - identity(i)).abs() < 0.05);
+        assert!(is_told && motion.len() == 16, "{document}");
     }
 }
