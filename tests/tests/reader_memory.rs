@@ -113,16 +113,18 @@ fn npy(descr: &str, rows: usize, columns: usize, size: usize) -> Vec<u8> {
     [head, vec![1; rows * columns * size]].concat()
 }
 
-/// Compressed points of three bytes each, with the best possible compression.
-fn packed_pcd(points: u32) -> Vec<u8> {
-    let (copies, left) = ((3 * points - 1) / 264, (3 * points - 1) % 264);
+/// Compressed points of three numbers each, all bytes the same, with the best possible compression.
+fn packed_pcd(points: u32, (size, kind, byte): (u32, char, u8)) -> Vec<u8> {
+    let unpacked = 3 * size * points;
+    let (copies, left) = ((unpacked - 1) / 264, (unpacked - 1) % 264);
+    let same = [0, byte];
     let packed =
-        [vec![0, 7], [0xe0, 255, 0].repeat(copies as usize), [0, 7].repeat(left as usize)].concat();
+        [&same[..], &[0xe0, 255, 0].repeat(copies as usize), &same.repeat(left as usize)].concat();
     let head = format!(
-        "VERSION 0.7\nFIELDS x y z\nSIZE 1 1 1\nTYPE U U U\nCOUNT 1 1 1\nWIDTH {points}\n\
-         HEIGHT 1\nPOINTS {points}\nDATA binary_compressed\n"
+        "VERSION 0.7\nFIELDS x y z\nSIZE {size} {size} {size}\nTYPE {kind} {kind} {kind}\n\
+         COUNT 1 1 1\nWIDTH {points}\nHEIGHT 1\nPOINTS {points}\nDATA binary_compressed\n"
     );
-    let sizes = [packed.len() as u32, 3 * points].map(u32::to_le_bytes).concat();
+    let sizes = [packed.len() as u32, unpacked].map(u32::to_le_bytes).concat();
     [head.into_bytes(), sizes, packed].concat()
 }
 
@@ -234,8 +236,11 @@ fn no_reader_takes_more_than_eight_times_its_file_and_64_mb() {
         ("a.gltf", scene, Box::new(shown_again)),
         ("a.stl", scene, Box::new(|| repeated("solid\n", STL_FACET, b"endsolid\n"))),
         ("a.stl", scene, Box::new(|| repeated("solid", b" a", &[]))),
-        ("a.pcd", cloud, Box::new(|| packed_pcd(20_000_000))),
-        ("a.pcd", cloud, Box::new(|| packed_pcd(4_000_000))),
+        ("a.pcd", cloud, Box::new(|| packed_pcd(20_000_000, (1, 'U', 7)))),
+        ("a.pcd", cloud, Box::new(|| packed_pcd(4_000_000, (1, 'U', 7)))),
+        // 3,156 m from the origin, where f64 are kept beside the points: too many, and few enough.
+        ("a.pcd", cloud, Box::new(|| packed_pcd(4_000_000, (4, 'F', 0x45)))),
+        ("a.pcd", cloud, Box::new(|| packed_pcd(1_400_000, (4, 'F', 0x45)))),
         (
             "a.pcd",
             cloud,
@@ -293,5 +298,5 @@ fn no_reader_takes_more_than_eight_times_its_file_and_64_mb() {
         }
     }
     assert!(broken.is_empty(), "{}", broken.join("\n"));
-    assert_eq!(taken, 20, "number of valid files");
+    assert_eq!(taken, 21, "number of valid files");
 }

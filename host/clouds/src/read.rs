@@ -5,6 +5,7 @@ use std::path::Path;
 use echoloop_files::{FileError, read_data};
 
 use crate::error::CloudError;
+use crate::format::pcd::check_growth;
 use crate::format::{Format, READ, read_extensions};
 use crate::recorded::{Keep, Recorded};
 use crate::{Cloud, Dropped};
@@ -38,20 +39,20 @@ pub fn read_recorded(path: &Path) -> Result<(Recorded, Dropped), CloudError> {
 /// [`read_cloud`] of bytes in memory; the extension of `path` tells the format.
 pub fn parse_cloud(path: &Path, bytes: &[u8]) -> Result<(Cloud, Dropped), CloudError> {
     let format = format_of(path)?;
-    near(path, checked(path, (format.read)(bytes, Keep::Points))?)
+    near(path, checked(path, (format.read)(bytes, Keep::Points), bytes.len())?)
 }
 
 /// [`read_recorded`] of bytes in memory; the extension of `path` tells the format.
 pub fn parse_recorded(path: &Path, bytes: &[u8]) -> Result<(Recorded, Dropped), CloudError> {
     let format = format_of(path)?;
-    checked(path, (format.read)(bytes, Keep::All)).map(located)
+    checked(path, (format.read)(bytes, Keep::All), bytes.len()).map(located)
 }
 
 fn read(path: &Path, keep: Keep) -> Result<(Recorded, Dropped), CloudError> {
     // Before the file is opened: a wrong extension is refused whatever the file holds.
     let format = format_of(path)?;
     let bytes = read_data(path).map_err(FileError::io(path))?;
-    checked(path, (format.read)(&bytes, keep))
+    checked(path, (format.read)(&bytes, keep), bytes.len())
 }
 
 fn near(
@@ -75,14 +76,19 @@ fn format_of(path: &Path) -> Result<&'static Format, FileError> {
 }
 
 /// Leaves out points that are no echo. Refuses a cloud with a bad σ_R, with coordinates that are
-/// too large, or without an echo.
-fn checked(path: &Path, read: Result<Recorded, String>) -> Result<(Recorded, Dropped), CloudError> {
+/// too large, without an echo, or of too many points for its size.
+fn checked(
+    path: &Path,
+    read: Result<Recorded, String>,
+    size: usize,
+) -> Result<(Recorded, Dropped), CloudError> {
     let mut recorded = read.map_err(FileError::content(path))?;
     recorded.check_range().and_then(|()| recorded.check_sds()).map_err(FileError::content(path))?;
     let dropped = recorded.drop_invalid();
     if recorded.cloud.points.is_empty() {
         return Err(CloudError::Empty { path: path.into(), dropped });
     }
+    check_growth(recorded.grown_bytes(), size as u64).map_err(FileError::content(path))?;
     Ok((recorded, dropped))
 }
 

@@ -111,6 +111,20 @@ impl Recorded {
         self.locate();
     }
 
+    /// Bytes that the cloud will take once it is [located](Self::locate) far from the origin, where
+    /// `f64` are kept beside its `f32`; 0 if there are none to add.
+    pub(crate) fn grown_bytes(&self) -> u64 {
+        if self.exact.is_some() || shift_m(self.coordinates()) == Vector3::zeros() {
+            return 0;
+        }
+        let columns: usize = self.columns.iter().map(|column| column.kind().size()).sum();
+        let sd = self.cloud.range_sd_m.as_ref().map_or(0, |_| size_of::<f32>());
+        let each = size_of::<Point3<f32>>() + sd + columns;
+        // Points that were no echo are gone, their room is not.
+        let room = self.cloud.points.capacity() * each;
+        (room + self.cloud.points.len() * size_of::<Point3<f64>>()) as u64
+    }
+
     /// Sets the shift, whole metres, of a cloud that has one, so that it is near another's frame.
     pub fn shift_by(&mut self, shift_m: Vector3<f64>) {
         if self.shift_m != shift_m && self.exact.is_some() {

@@ -2,7 +2,7 @@
 
 mod layout;
 mod lzf;
-mod pcd;
+pub(crate) mod pcd;
 mod ply;
 mod text;
 mod vtk;

@@ -272,7 +272,7 @@ impl Read {
 
 /// Refuses a file whose numbers would take more than 6 times its size plus 48 MB. No measured cloud
 /// compresses that well.
-fn check_growth(read: u64, file: u64) -> Result<(), String> {
+pub(crate) fn check_growth(read: u64, file: u64) -> Result<(), String> {
     match read > file.saturating_mul(6).saturating_add(48 << 20) {
         true => Err(format!("expected at most 6 times its size in points, found {read} bytes")),
         false => Ok(()),
