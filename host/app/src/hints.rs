@@ -13,6 +13,10 @@ const LEAST_POINTS: usize = 2_000;
 /// Least number of points whose shape says anything.
 const LEAST_SHAPE: usize = 50;
 
+/// Least number of points per m², seen from above. Of hills with 0.03, a motion right to 2 cm is
+/// refused: 1 % of the points lie on the other cloud.
+const LEAST_PER_M2: f64 = 0.5;
+
 /// Radii of scenes, m: a point's noise is less, a survey of 2 km by 2 km no more.
 const LEAST_RADIUS_M: f64 = 0.1;
 const MOST_RADIUS_M: f64 = 2_000.0;
@@ -39,7 +43,10 @@ pub(super) fn hints(clouds: [(&Path, &Cloud); 2]) -> Vec<String> {
     let shape = |i: usize| shape(&names[i], clouds[i].1, radii_m[i]);
     let mut hints: Vec<String> = [0, 1].into_iter().filter_map(shape).collect();
     if clouds.iter().all(|(_, cloud)| cloud.points.len() >= LEAST_POINTS) {
-        hints.extend(unit(&names, radii_m));
+        let unit = unit(&names, radii_m);
+        let sparse = |i: usize| sparse(&names[i], clouds[i].1).filter(|_| unit.is_none());
+        hints.extend([0, 1].into_iter().filter_map(sparse));
+        hints.extend(unit);
     }
     hints
 }
@@ -65,6 +72,19 @@ fn shape(name: &str, cloud: &Cloud, radius_m: f64) -> Option<String> {
         }
         None => (count < LEAST_POINTS).then(few),
     }
+}
+
+/// A cloud so thin that its points lie on none of the other's surfaces, whatever the motion.
+fn sparse(name: &str, cloud: &Cloud) -> Option<String> {
+    let [length, width, _] = spread(cloud.points.iter().map(|p| p.coords.cast::<f64>()));
+    // A disc's area, and nearly a rectangle's.
+    let a_m2 = cloud.points.len() as f64 / (4.0 * std::f64::consts::PI * length * width);
+    (a_m2 < LEAST_PER_M2).then(|| {
+        format!(
+            "{name} has about {a_m2:.2} points per m², expected {LEAST_PER_M2} or more: if it is \
+             not in metres, give --scale"
+        )
+    })
 }
 
 /// Standard deviations of points along their principal axes, largest first.
@@ -135,7 +155,7 @@ mod tests {
 
     #[test]
     fn ordinary_clouds_have_no_hint() {
-        let (room, wide, yard) = (room(3000, 1.0), room(2000, 100.0), room(2500, 2.0));
+        let (room, wide, yard) = (room(3000, 1.0), room(9000, 10.0), room(2500, 2.0));
         for (a, b) in [(&room, &room), (&room, &yard), (&yard, &room), (&wide, &wide)] {
             assert_eq!(hinted(a, b), "");
         }
@@ -168,6 +188,9 @@ mod tests {
         let few = hinted(&room(3000, 1.0), &room(199, 1e3));
         assert_eq!(few, "b.ply has 199 points, expected 2000 or more for a scene");
         assert_eq!(hinted(&Cloud::default(), &room(9, 1.0)).lines().count(), 2);
+        let sparse = hinted(&room(3000, 60.0), &room(9000, 60.0));
+        assert!(sparse.starts_with("a.ply has about 0.01 points per m²"), "{sparse}");
+        assert_eq!(sparse.lines().count(), 2, "{sparse}");
     }
 
     #[test]
