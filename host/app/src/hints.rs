@@ -36,6 +36,9 @@ const THIN: f64 = 0.01;
 /// Largest standard deviation of the elevation of one ring, rad: 0.3°.
 const RING_RAD: f64 = 0.005;
 
+/// Least standard deviation across a ring, rad: directions of a narrow view are in a plane, too.
+const ROUND_RAD: f64 = 0.2;
+
 /// Hints for target and source, one line each; none for two ordinary clouds.
 pub(super) fn hints(clouds: [(&Path, &Cloud); 2]) -> Vec<String> {
     let radii_m = clouds.map(|(_, cloud)| radius_m(cloud));
@@ -56,12 +59,13 @@ fn shape(name: &str, cloud: &Cloud, radius_m: f64) -> Option<String> {
     let count = cloud.points.len();
     let points = || cloud.points.iter().map(|p| p.coords.cast::<f64>());
     let [length, width, thickness] = spread(points());
-    let [_, _, off_ring_rad] = spread(points().map(|p| p.try_normalize(0.0).unwrap_or_default()));
+    let [_, round_rad, off_ring_rad] =
+        spread(points().map(|p| p.try_normalize(0.0).unwrap_or_default()));
     let shape = match () {
         () if count < LEAST_SHAPE => None,
         () if radius_m == 0.0 => Some("lie on one another"),
         () if width < THIN * length => Some("lie on a line"),
-        () if off_ring_rad < RING_RAD => Some("are one ring of a scan"),
+        () if off_ring_rad < RING_RAD && round_rad > ROUND_RAD => Some("are one ring of a scan"),
         () if thickness < THIN * length => Some("lie in a plane"),
         () => None,
     };
@@ -159,6 +163,14 @@ mod tests {
         for (a, b) in [(&room, &room), (&room, &yard), (&yard, &room), (&wide, &wide)] {
             assert_eq!(hinted(a, b), "");
         }
+    }
+
+    #[test]
+    fn a_narrow_view_is_no_ring() {
+        let wall = |i: u16| [40.0, f32::from(i % 70) * 0.05, f32::from(i / 70) * 0.05];
+        let steps = |[x, y, z]: [f32; 3]| Point3::new(x + y.floor(), y, z);
+        let view = Cloud::new((0..4900).map(wall).map(steps).collect());
+        assert_eq!(hinted(&view, &view), "");
     }
 
     #[test]
