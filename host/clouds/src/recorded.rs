@@ -31,7 +31,7 @@ pub struct Recorded {
     /// The points, with their σ_R if the file has it, in the frame of the file less `shift_m`.
     pub cloud: Cloud,
     /// Origin of the cloud in the frame of the file, whole metres; zero unless the points are more
-    /// than 1 km from the origin.
+    /// than 1 km from the origin, and not straight below it.
     pub shift_m: Vector3<f64>,
     /// The coordinates of the same points that `f32` does not hold: those of a cloud with a shift,
     /// and those that a file has as `f64`.

@@ -9,8 +9,13 @@ use crate::Pose;
 /// Largest coordinate that is read, m. UTM's northings reach it, and `f64` is exact to 2 nm there.
 pub const MOST_COORDINATE_M: f64 = 1e7;
 
-/// Largest median coordinate of a cloud without a shift, m: `f32` rounds by up to 0.03 mm there.
+/// Largest median coordinate of a cloud without a shift, m, but downwards: `f32` rounds by up to
+/// 0.03 mm there.
 const NEAR_M: f64 = 1000.0;
+
+/// Greatest height of a sensor above the median of its points, m; `f32` rounds by up to 0.5 mm
+/// there. No survey is so far below its zero: points deep below the origin are an aircraft's.
+const ALTITUDE_M: f64 = 10_000.0;
 
 /// Height of a shift over the median height, m. Most points are on the ground, a scanner stands so
 /// high above it, and normals face the scanner.
@@ -49,13 +54,14 @@ impl Exact {
     }
 }
 
-/// The shift of a cloud, m: zero near the origin, else whole metres, near the middle of the points
-/// and [`SCANNER_M`] above it.
+/// The shift of a cloud, m: zero near the origin and straight below it, else whole metres, near the
+/// middle of the points and [`SCANNER_M`] above it.
 pub(crate) fn shift_m(points: impl ExactSizeIterator<Item = Point3<f64>>) -> Vector3<f64> {
     let middle = median(points);
-    match middle.amax() > NEAR_M {
-        true => (middle + SCANNER_M * Vector3::z()).map(f64::round),
-        false => Vector3::zeros(),
+    let is_of_sensor = middle.xy().amax() <= NEAR_M && (-ALTITUDE_M..=NEAR_M).contains(&middle.z);
+    match is_of_sensor {
+        true => Vector3::zeros(),
+        false => (middle + SCANNER_M * Vector3::z()).map(f64::round),
     }
 }
 
@@ -131,6 +137,18 @@ mod tests {
         let far = cloud(-5_155_487.25).collect::<Vec<_>>().into_iter();
         assert_eq!(shift_m(far), Vector3::new(-5_155_484.0, 0.0, 2.0));
         assert_eq!(shift_m([].into_iter()), Vector3::zeros());
+    }
+
+    #[test]
+    fn points_an_aircraft_sees_below_it_keep_their_sensor_and_mountains_have_a_shift() {
+        let cloud = |x: f64, z: f64| {
+            let points = (-500..=500).map(move |i| Point3::new(x + f64::from(i), -0.5, z));
+            points.collect::<Vec<_>>().into_iter()
+        };
+        assert_eq!(shift_m(cloud(300.0, -3000.0)), Vector3::zeros());
+        assert_eq!(shift_m(cloud(0.0, 2600.0)), Vector3::new(0.0, -1.0, 2602.0));
+        assert_eq!(shift_m(cloud(2000.0, -3000.0)), Vector3::new(2000.0, -1.0, -2998.0));
+        assert_eq!(shift_m(cloud(0.0, -5e6)), Vector3::new(0.0, -1.0, 2.0 - 5e6));
     }
 
     #[test]
