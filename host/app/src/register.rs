@@ -21,6 +21,7 @@ use echoloop_clouds::{
 use echoloop_files::say;
 use echoloop_parameters::{Bounds, Kind, Parameter};
 use echoloop_registration::geometry::voxel;
+use echoloop_registration::overlap::Rival;
 use echoloop_registration::{
     Confirmed, IcpConfig, Method, MethodConfig, OpenDirection, Outcome, Registration, StopReason,
     Suggestions, build,
@@ -286,8 +287,13 @@ fn document(
         "cpu_s": cpu_s,
         "iterations": outcome.iterations,
         "inlier_fraction": outcome.inlier_fraction,
-        "supported": outcome.overlap.map(|o| o.supported),
-        "seen_through": outcome.overlap.map(|o| o.seen_through),
+        "supported": outcome.overlap.map(|o| o.supported()),
+        "contradicted": outcome.overlap.map(|o| 1.0 - o.supported()),
+        // Kept for one version, for readers of the former name.
+        "seen_through": outcome.overlap.map(|o| 1.0 - o.supported()),
+        "known": outcome.overlap.map(|o| o.known()),
+        "lead": outcome.lead,
+        "rival": outcome.rival.map(|rival| rival_document(&rival, frames)),
         "unobservable_directions": outcome.observability.as_ref().map(|o| o.unobservable),
         "open_directions": frames.open(outcome).iter().map(open_direction).collect::<Vec<_>>(),
         "covariance": frames.covariance(outcome).map(|c| c.to_rows()),
@@ -341,10 +347,21 @@ fn lines(outcome: &Outcome, frames: &Frames, cpu_s: f64) -> String {
         100.0 * outcome.inlier_fraction,
         1e3 * outcome.rmse_m,
     );
-    let more = [overlap(outcome), spread(outcome, frames), consensus(outcome)];
+    let more =
+        [overlap(outcome), rival(outcome, frames), spread(outcome, frames), consensus(outcome)];
     let open = frames.open(outcome).iter().map(open_line).collect();
     let more: String = more.into_iter().flatten().chain([open]).collect();
     format!("target_from_source\n{matrix}{motion}{found}{more}")
+}
+
+/// Another motion that fits the clouds.
+fn rival_document(rival: &Rival, frames: &Frames) -> serde_json::Value {
+    let rows = to_rows(&frames.outside(&rival.target_from_source));
+    serde_json::json!({
+        "target_from_source": rows.chunks(4).collect::<Vec<_>>(),
+        "lead": rival.lead,
+        "is_as_good": rival.is_as_good,
+    })
 }
 
 /// A direction that the scans leave open: m and degrees, per metre that it moves the points.
@@ -361,11 +378,28 @@ fn open_line(open: &OpenDirection) -> String {
 }
 
 fn overlap(outcome: &Outcome) -> Option<String> {
-    outcome.overlap.as_ref().map(|overlap| {
+    outcome.overlap.map(|overlap| {
+        let lead = outcome.lead.map(|lead| format!("; leads what is beside it by {lead:.1} sd"));
         format!(
-            "{:.0} % of the points lie on the other cloud, {:.1} % were seen through\n",
-            100.0 * overlap.supported,
-            100.0 * overlap.seen_through
+            "{:.1} % of the points that the other cloud knows lie on it ({:.0} % of all are \
+             known){}\n",
+            100.0 * overlap.supported(),
+            100.0 * overlap.known(),
+            lead.unwrap_or_default()
+        )
+    })
+}
+
+/// The best other motion, if the clouds fit it.
+fn rival(outcome: &Outcome, frames: &Frames) -> Option<String> {
+    outcome.rival.map(|rival| {
+        let motion = frames.outside(&rival.target_from_source);
+        let [x, y, z]: [f64; 3] = motion.translation.vector.into();
+        let [a, b, c]: [f64; 3] = motion.rotation.scaled_axis().map(f64::to_degrees).into();
+        let lead = rival.lead;
+        format!(
+            "the next motion that fits is {lead:.1} sd behind: shift {x:.2} {y:.2} {z:.2} m, turn \
+             {a:.1} {b:.1} {c:.1}° (axis times angle)\n"
         )
     })
 }

@@ -4,7 +4,7 @@ use echoloop_clouds::{Cloud, Pose};
 use rayon::prelude::*;
 
 use crate::global::matched;
-use crate::overlap::{Overlap, Scene};
+use crate::overlap::{Looked, Scene, settled};
 use crate::{
     AutoConfig, FeatureConfig, Gicp, GicpConfig, Icp, IcpConfig, Mac, MacConfig, Outcome,
     Registration, Source, StopReason, Suggestions, Target,
@@ -17,10 +17,6 @@ const SCALES: [f64; 4] = [1.0, 1.5, 2.25, 3.125];
 /// Largest distance of the first and of the last pairs when a candidate is refined, in voxels.
 const REFINED_VOXELS: [f64; 2] = [5.0, 1.25];
 
-/// Share of its first score that a motion must keep when it is finished; else the first stands.
-/// Scores resolve decimetres: below that GICP is the finer.
-const KEPT_SCORE: f64 = 0.95;
-
 /// Steps of a candidate's refinement.
 const REFINED_ITERATIONS: usize = 30;
 
@@ -28,11 +24,14 @@ const REFINED_ITERATIONS: usize = 30;
 /// scans.
 ///
 /// 1. Features at four voxel sizes. For each, the motions that most matches agree with
-///    ([`Mac::candidates`]), and the guess that was given.
-/// 2. A score of each on both scans ([`Scene::overlap`]); the best are refined with ICP.
-/// 3. A score of the refined ones; GICP at the clouds' own voxel finishes the best.
-/// 4. A motion that the scans do not confirm is [`StopReason::Unconfirmed`]; one that may slide
-///    without their noticing is [`StopReason::Degenerate`].
+///    ([`Mac::candidates`]).
+/// 2. A score of each on both scans ([`Scene::score`]); the best, and the guess that was given, are
+///    refined with ICP.
+/// 3. Of the refined ones the one that both scans prefer; GICP at the clouds' own voxel finishes
+///    it.
+/// 4. What the scans say of it ([`Scene::judge`]). If they do not confirm it, it is slid along the
+///    direction that they hold least, and what is found there is compared with it.
+/// 5. The best of the other candidates, its rival: one as good makes the motion ambiguous.
 ///
 /// Matches and their inliers are evidence of one scale only. The points of both scans are
 /// independent evidence, also of open space.
@@ -41,12 +40,11 @@ pub struct Auto {
     pub(super) config: AutoConfig,
 }
 
-/// A motion, and its score on the scans.
-#[derive(Clone, Copy, Debug)]
-struct Candidate {
-    target_from_source: Pose,
-    overlap: Overlap,
-}
+/// Two candidates are one if they differ by less than this: a shift, in voxels, …
+const SAME_VOXELS: f64 = 0.6;
+
+/// … and a turn, rad.
+const SAME_RAD: f64 = 0.05;
 
 /// Both scans, prepared for scoring and refining motions.
 struct Bench {
@@ -54,20 +52,44 @@ struct Bench {
     source: Scene,
     icp: Icp,
     prepared: (Target, Source),
+    /// Shift below which two candidates are one, m.
+    same_m: f64,
 }
 
 impl Auto {
     fn found(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Result<Outcome, StopReason> {
         let bench = Bench::new(target, source, self.config.voxel_m)?;
-        let mut guesses = self.guesses(target, source);
-        guesses.push(*initial);
-        let best = best_of(bench.scored(&guesses), self.config.max_refined);
-        let refined: Vec<Pose> =
-            best.par_iter().map(|candidate| bench.refined(&candidate.target_from_source)).collect();
-        let best = best_of(bench.scored(&refined), 1);
-        let start = best.first().ok_or(StopReason::NoConsensus)?.target_from_source;
-        let finished = finish(target, source, self.config.voxel_m, &start)?;
-        Ok(bench.conclude(start, finished))
+        let judged = |start: &Looked| {
+            let unit_m = bench.target.unit_m();
+            let finished = finish(target, source, self.config.voxel_m, unit_m, &start.motion)?;
+            let outcome = bench.kept(start, finished).judged(&bench.target, &bench.source);
+            // How the last step ended matters only where the scans agree with the motion.
+            let is_supported = outcome.overlap.is_some_and(|overlap| overlap.agrees());
+            let stop = if is_supported { outcome.stop } else { StopReason::Unconfirmed };
+            Ok::<_, StopReason>(Outcome { stop, ..outcome })
+        };
+        let starts = bench.best_of(self.guesses(target, source), self.config.max_refined);
+        let guess = bench.refined(initial);
+        // Only a motion that the scans clearly prefer replaces the first: the guess that was given,
+        // or else that of the best score.
+        let is_given = *initial != Pose::identity();
+        let given = [*initial, guess].into_iter().filter(|_| is_given);
+        let mut found: Vec<Looked> = given.map(|motion| bench.look(motion)).collect();
+        found.extend(bench.found(&starts));
+        if !is_given && !found.iter().any(|other| bench.is_same(&other.motion, &guess)) {
+            found.push(bench.look(guess));
+        }
+        let mut outcome = judged(bench.preferred(&found).ok_or(StopReason::NoConsensus)?)?;
+        if !outcome.stop.is_success() {
+            let motion = outcome.target_from_source;
+            let mut slides = bench.found(&bench.target.slides(&bench.source, &motion));
+            slides.insert(0, bench.look(motion));
+            if let Some(slid) = bench.preferred(&slides).filter(|slid| slid.motion != motion) {
+                outcome = judged(slid)?;
+            }
+            found.extend(slides);
+        }
+        Ok(bench.with_rival(outcome, &found, is_given.then_some(guess)))
     }
 
     /// The candidates of every scale, the finest first.
@@ -82,23 +104,18 @@ impl Auto {
     }
 }
 
-/// The candidates with the best scores, best first; of equals the earlier.
-fn best_of(mut candidates: Vec<Candidate>, most: usize) -> Vec<Candidate> {
-    candidates.sort_by(|a, b| b.overlap.score().total_cmp(&a.overlap.score()));
-    candidates.truncate(most);
-    candidates
-}
-
 /// GICP at the clouds' own voxel, from a motion whose error is a part of `voxel_m`.
 fn finish(
     target: &Cloud,
     source: &Cloud,
     voxel_m: f64,
+    unit_m: f32,
     start: &Pose,
 ) -> Result<Outcome, StopReason> {
     let config = GicpConfig::from(&Suggestions::new(target, source).refinement(voxel_m));
     let gicp = Gicp::new(config).map_err(|_| StopReason::BadSettings)?;
-    Ok(gicp.register(target, source, start))
+    let from = |start: &Pose| gicp.register(target, source, start);
+    Ok(settled(from(start), unit_m, from))
 }
 
 impl Bench {
@@ -113,16 +130,27 @@ impl Bench {
         let icp = Icp::new(config).map_err(|_| StopReason::BadSettings)?;
         let prepared = (Target::prepare(target, &config)?, Source::prepare(source, &config)?);
         let (target, source) = (Scene::new(target, voxel_m)?, Scene::new(source, voxel_m)?);
-        Ok(Self { target, source, icp, prepared })
+        Ok(Self { target, source, icp, prepared, same_m: SAME_VOXELS * voxel_m })
     }
 
-    fn scored(&self, motions: &[Pose]) -> Vec<Candidate> {
-        motions.par_iter().map(|motion| self.candidate(motion)).collect()
+    /// The candidates with the best scores, best first; of equals the earlier, and one of those
+    /// that are the same.
+    fn best_of(&self, motions: Vec<Pose>, most: usize) -> Vec<Pose> {
+        let score = |motion: Pose| (self.target.score(&self.source, &motion), motion);
+        let mut scored: Vec<(f64, Pose)> = motions.into_par_iter().map(score).collect();
+        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut best: Vec<Pose> = Vec::new();
+        for (_, motion) in scored {
+            if best.len() < most && !best.iter().any(|other| self.is_same(other, &motion)) {
+                best.push(motion);
+            }
+        }
+        best
     }
 
-    fn candidate(&self, motion: &Pose) -> Candidate {
-        let overlap = self.target.overlap(&self.source, motion);
-        Candidate { target_from_source: *motion, overlap }
+    fn is_same(&self, one: &Pose, other: &Pose) -> bool {
+        let apart_m = (one.translation.vector - other.translation.vector).norm();
+        apart_m < self.same_m && one.rotation.angle_to(&other.rotation) < SAME_RAD
     }
 
     /// The motion that ICP reaches from a candidate, converged or not.
@@ -131,22 +159,47 @@ impl Bench {
         self.icp.align(target, source, start).target_from_source
     }
 
-    /// The finished motion, unless the scans clearly prefer the one it began with.
-    fn conclude(&self, start: Pose, finished: Outcome) -> Outcome {
-        let (before, after) =
-            (self.candidate(&start), self.candidate(&finished.target_from_source));
-        let fell = after.overlap.score() < KEPT_SCORE * before.overlap.score();
-        let kept = if fell { before } else { after };
-        let stop = if kept.overlap.confirms() { finished.stop } else { StopReason::Unconfirmed };
-        Outcome {
-            target_from_source: kept.target_from_source,
-            overlap: Some(kept.overlap),
-            // The covariance belongs to the finished motion.
-            covariance: finished.covariance.filter(|_| !fell),
-            stop,
-            ..finished
+    /// The motions that ICP reaches from some starts, best first.
+    fn found(&self, starts: &[Pose]) -> Vec<Looked> {
+        let refined = starts.par_iter().map(|start| self.refined(start)).collect();
+        let found = self.best_of(refined, usize::MAX);
+        found.into_iter().map(|motion| self.look(motion)).collect()
+    }
+
+    fn look(&self, motion: Pose) -> Looked {
+        self.target.look(&self.source, motion)
+    }
+
+    fn preferred<'a>(&self, found: &'a [Looked]) -> Option<&'a Looked> {
+        self.target.preferred(&self.source, found)
+    }
+
+    /// The finished motion, unless the scans clearly prefer the one it began with. If it went far
+    /// away, they have to prefer it to that.
+    fn kept(&self, start: &Looked, finished: Outcome) -> Outcome {
+        let mut both = [self.look(finished.target_from_source), start.clone()];
+        if self.target.is_other(&start.motion, &finished.target_from_source) {
+            both.reverse();
         }
-        .with_open_directions(&self.target, &self.source)
+        let kept = self.preferred(&both).map_or(start.motion, |kept| kept.motion);
+        let is_end = kept == finished.target_from_source;
+        // The covariance belongs to the finished motion.
+        let covariance = finished.covariance.filter(|_| is_end);
+        Outcome { target_from_source: kept, covariance, ..finished }
+    }
+
+    /// The outcome with the best other motion; ambiguous if that is as good. A guess that was given
+    /// decides between motions that the scans do not tell apart.
+    fn with_rival(&self, outcome: Outcome, found: &[Looked], guess: Option<Pose>) -> Outcome {
+        let kept = self.look(outcome.target_from_source);
+        let rival = self.target.rival(&self.source, &kept, found);
+        let is_guessed = guess.is_some_and(|guess| !self.target.is_other(&kept.motion, &guess));
+        let is_ambiguous = rival.is_some_and(|rival| rival.is_as_good) && !is_guessed;
+        let stop = match outcome.stop {
+            StopReason::Converged if is_ambiguous => StopReason::Ambiguous,
+            stop => stop,
+        };
+        Outcome { rival, stop, ..outcome }
     }
 }
 

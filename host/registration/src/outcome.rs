@@ -3,7 +3,7 @@
 use echoloop_clouds::Pose;
 
 use crate::correspondences::Inliers;
-use crate::overlap::{OpenDirection, Overlap};
+use crate::overlap::{OpenDirection, Overlap, Rival};
 use crate::{Covariance, Observability, PrepareError};
 
 /// The outcome of a registration.
@@ -32,6 +32,11 @@ pub struct Outcome {
     pub consensus: Option<Consensus>,
     /// Evidence of both clouds for the motion; None when not checked.
     pub overlap: Option<Overlap>,
+    /// Lead of the motion over the same slid by a little, in standard deviations of chance: see
+    /// [`crate::overlap::Judgement::lead`].
+    pub lead: Option<f64>,
+    /// Of other motions that fit the clouds, the best, where a method compares several.
+    pub rival: Option<Rival>,
     /// Directions in which the clouds do not notice that the motion slides; empty when not checked.
     pub open: Vec<OpenDirection>,
 }
@@ -74,9 +79,12 @@ pub enum StopReason {
     /// No more matches agree than would by chance: the motion is the best one found, and not to be
     /// trusted.
     NoConsensus,
-    /// The clouds do not confirm the motion: too little of one lies on the other, or too much lies
-    /// in space that the other's sensor saw empty. See [`Overlap::confirms`].
+    /// The clouds do not confirm the motion: too little of one lies on the other, too much lies off
+    /// it or in space that the other's sensor saw empty, or the same motion slid by a little fits
+    /// them as well. See [`crate::overlap::Judgement::confirms`].
     Unconfirmed,
+    /// Another motion fits the clouds as well: see [`Outcome::rival`].
+    Ambiguous,
     /// The pairs leave a direction open, along which the initial guess stands, or the clouds do: a
     /// tunnel looks the same a metre on. See [`Outcome::open`].
     Degenerate,
@@ -102,6 +110,7 @@ impl StopReason {
             Self::TooFewMatches => "TooFewMatches",
             Self::NoConsensus => "NoConsensus",
             Self::Unconfirmed => "Unconfirmed",
+            Self::Ambiguous => "Ambiguous",
             Self::Degenerate => "Degenerate",
             Self::EmptyCloud => "EmptyCloud",
             Self::BadSettings => "BadSettings",
@@ -118,8 +127,9 @@ impl std::fmt::Display for StopReason {
             Self::TooFewMatches => "too few matches of features",
             Self::NoConsensus => "no consensus: too few matches agree with the motion",
             Self::Unconfirmed => {
-                "unconfirmed: too little of the clouds lies on each other, or was seen through"
+                "unconfirmed: too little of the clouds lies on each other, or too much beside it"
             }
+            Self::Ambiguous => "ambiguous: another motion fits the clouds as well",
             Self::Degenerate => "degenerate: the clouds leave a direction open",
             Self::EmptyCloud => "a cloud holds no point",
             Self::BadSettings => "the settings cannot run on these clouds",
@@ -142,6 +152,8 @@ impl Outcome {
             covariance: None,
             consensus: None,
             overlap: None,
+            lead: None,
+            rival: None,
             open: Vec::new(),
         }
     }

@@ -6,6 +6,7 @@ use super::step::Step;
 
 /// Motions as turns about the pairs' centroid, scaled by their spread: see
 /// [`crate::Observability`].
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Centred {
     centre: Vector3<f64>,
     pub(crate) spread: f64,

@@ -5,18 +5,20 @@ use echoloop_clouds::{Cloud, Pose};
 use super::Scene;
 use crate::{Outcome, Registration, StopReason};
 
-/// Runs a method, then checks its motion on both scans.
-///
-/// | the method | the scans | stop |
-/// |---|---|---|
-/// | converged | confirm | converged |
-/// | converged | do not | unconfirmed |
-/// | no consensus | confirm | converged |
-/// | converged, iterations ran out | leave directions open | degenerate |
-/// | anything else | not asked where nothing was found | the method's |
+/// Largest motion of the source between runs, over the unit, of a method that has come to rest.
+const SETTLED_UNITS: f64 = 0.02;
+
+/// Distance from the sensor, over the unit, at which a turn counts as a shift.
+const LEVER_UNITS: f64 = 10.0;
+
+/// Runs a method, then asks both scans about its motion.
 ///
 /// A local method converges wherever it starts, and matches may agree by chance; neither notices.
-/// Conversely, a few matches that agree may be right. The points of both scans decide.
+/// Conversely, a few matches that agree may be right. The points of both scans decide:
+/// [`Scene::judge`].
+///
+/// A method whose iterations ran out begins again where it stopped. If it stays there, as one does
+/// whose last pairs change places for ever, it has converged.
 #[derive(Clone, Debug)]
 pub struct Confirmed<M> {
     /// The method that finds the motion.
@@ -32,22 +34,33 @@ impl<M: Registration> Registration for Confirmed<M> {
             return outcome; // the method asked the scans itself, or found nothing
         }
         let scene = |cloud| Scene::new(cloud, self.voxel_m);
-        match (scene(target), scene(source)) {
-            (Ok(target), Ok(source)) => checked(outcome, &target, &source),
-            _ => outcome,
-        }
+        let (Ok(target_scene), Ok(source_scene)) = (scene(target), scene(source)) else {
+            return outcome;
+        };
+        let again = |from: &Pose| self.method.register(target, source, from);
+        settled(outcome, target_scene.unit_m(), again).judged(&target_scene, &source_scene)
     }
 }
 
-fn checked(mut outcome: Outcome, target: &Scene, source: &Scene) -> Outcome {
-    let overlap = target.overlap(source, &outcome.target_from_source);
-    outcome.overlap = Some(overlap);
-    outcome.stop = match outcome.stop {
-        StopReason::NoConsensus if overlap.confirms() => StopReason::Converged,
-        stop if stop.is_success() && !overlap.confirms() => StopReason::Unconfirmed,
-        stop => stop,
-    };
-    outcome.with_open_directions(target, source)
+/// The outcome; if its iterations ran out, that of as many more from its motion, which has
+/// converged if it moved by less than [`SETTLED_UNITS`].
+pub(crate) fn settled(
+    outcome: Outcome,
+    unit_m: f32,
+    again: impl FnOnce(&Pose) -> Outcome,
+) -> Outcome {
+    if outcome.stop != StopReason::MaxIterations {
+        return outcome;
+    }
+    let from = outcome.target_from_source;
+    let mut more = again(&from);
+    let step = from.inverse() * more.target_from_source;
+    let moved_m = step.translation.vector.norm() + LEVER_UNITS * step.rotation.angle();
+    if more.stop == StopReason::MaxIterations && moved_m < SETTLED_UNITS * f64::from(unit_m) {
+        more.stop = StopReason::Converged;
+    }
+    more.iterations += outcome.iterations;
+    more
 }
 
 #[cfg(test)]
@@ -80,7 +93,7 @@ mod tests {
         assert_eq!(run(5.0, StopReason::Converged).stop, StopReason::Converged);
         let wrong = run(-3.0, StopReason::Converged);
         assert_eq!(wrong.stop, StopReason::Unconfirmed);
-        assert!(wrong.overlap.is_some_and(|overlap| overlap.seen_through > 0.01), "{wrong:?}");
+        assert!(wrong.overlap.is_some_and(|overlap| overlap.supported() < 0.9), "{wrong:?}");
     }
 
     #[test]
@@ -98,7 +111,19 @@ mod tests {
     #[test]
     fn the_scans_bear_out_what_few_matches_say() {
         assert_eq!(run(5.0, StopReason::NoConsensus).stop, StopReason::Converged);
-        assert_eq!(run(5.0, StopReason::MaxIterations).stop, StopReason::MaxIterations);
+    }
+
+    #[test]
+    fn a_method_that_stays_where_its_iterations_ran_out_has_converged() {
+        assert_eq!(run(5.0, StopReason::MaxIterations).stop, StopReason::Converged);
+        let out = Outcome::nothing(&Pose::identity(), StopReason::MaxIterations);
+        let settled_at = |x_m: f64| {
+            let motion = Pose::translation(x_m, 0.0, 0.0);
+            let again = |_: &Pose| Outcome::nothing(&motion, StopReason::MaxIterations);
+            settled(out.clone(), 1.0, again).stop
+        };
+        assert_eq!(settled_at(0.01), StopReason::Converged);
+        assert_eq!(settled_at(0.1), StopReason::MaxIterations);
     }
 
     #[test]

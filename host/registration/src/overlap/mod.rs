@@ -7,25 +7,30 @@
 //! let field = |x: f32, y: f32| [x, y, (0.7 * x).sin() + (0.5 * y + 0.2 * x).cos() - 3.0].into();
 //! let at = |i: i32| field((i % 100 - 50) as f32 * 0.2, (i / 100 - 50) as f32 * 0.2);
 //! let scan = Scene::new(&Cloud::new((0..10_000).map(at).collect()), 0.4)?;
-//! let found = scan.overlap(&scan, &Pose::identity());
-//! assert!(found.confirms() && found.supported > 0.9);
-//! assert!(!scan.overlap(&scan, &Pose::translation(0.0, 0.0, 2.0)).confirms());
+//! let found = scan.judge(&scan, &Pose::identity());
+//! assert!(found.confirms() && found.overlap.supported() > 0.9);
+//! assert!(!scan.judge(&scan, &Pose::translation(0.0, 0.0, 2.0)).confirms());
 //! # Ok::<(), echoloop_registration::PrepareError>(())
 //! ```
 
 mod cells;
 mod confirmed;
+mod judgement;
 mod open;
+mod probes;
 mod range_image;
+mod score;
 mod sight;
 
-use echoloop_clouds::{Cloud, Pose, is_finite};
-use nalgebra::{Isometry3, Point3, Vector3};
-use rayon::prelude::*;
+use echoloop_clouds::{Cloud, is_finite};
+use nalgebra::{Point3, Vector3};
 
 pub use self::confirmed::Confirmed;
+pub(crate) use self::confirmed::settled;
+pub(crate) use self::judgement::Looked;
+pub use self::judgement::{Judgement, Rival};
 pub use self::open::OpenDirection;
-use self::open::Probe;
+use self::probes::Probe;
 use self::range_image::RangeImage;
 use self::sight::Sight;
 use crate::geometry::kdtree::KdTree;
@@ -39,33 +44,18 @@ const NORMAL_VOXELS: f64 = 4.0;
 /// Largest number of neighbours of a normal.
 const NORMAL_NEIGHBOURS: usize = 12;
 
-/// Largest distance of a point from the surface that it lies on, in voxels.
-const REACH_VOXELS: f32 = 1.25;
-
-/// Distance from a surface at which a point counts half, over the voxel.
-const HALF_VOXELS: f32 = 0.375;
-
 /// Resolution of the range image, degrees.
 const DIRECTION_DEG: f32 = 2.5;
-
-/// A point was seen through if everything seen around it is farther by this share of its range …
-const BEHIND_SHARE: f32 = 0.05;
-
-/// … and by this distance, over the voxel.
-const BEHIND_VOXELS: f32 = 1.25;
-
-/// Points a thread takes at a time.
-const CHUNK: usize = 512;
-
-/// Weight of a point that was seen through, over one that lies on a surface.
-const CONTRADICTION: f64 = 3.0;
 
 /// Voxel of outdoor scans, m: lengths that do not depend on the voxel are shares of 1 m there, and
 /// smaller in smaller scenes.
 const OUTDOOR_VOXEL_M: f32 = 0.8;
 
-/// A scan prepared for checking motions: its surface, what its sensor saw in each direction, and
-/// points to ask the other scan about.
+/// A scan, or a map, prepared for checking motions: its surface, what its sensor saw in each
+/// direction, and points to ask the other about.
+///
+/// A cloud whose points hide each other from its origin has no sensor there: of a map, a model or a
+/// part of a scan only the surface is evidence.
 #[derive(Clone, Debug)]
 pub struct Scene {
     points: Vec<Point3<f32>>,
@@ -79,37 +69,43 @@ pub struct Scene {
     voxel_m: f32,
 }
 
-/// Evidence of two scans for or against a motion. Shares are of the thinned points of both, 0 to 1.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Evidence of two scans for or against a motion: counts of the points of both that each was asked
+/// about.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overlap {
-    /// Share of the points on a surface of the other scan that faces the same way, weighted by
-    /// distance.
-    pub supported: f64,
-    /// Share of the points through which the other sensor saw: its echoes in that direction are
-    /// farther away.
-    pub seen_through: f64,
+    /// Points on a surface of the other scan.
+    pub on: usize,
+    /// Points off the surface that is known there, or in space through which the other sensor saw.
+    pub contradicted: usize,
+    /// Points whose place is hidden, out of view, or too rough to say.
+    pub unknown: usize,
 }
 
 impl Overlap {
-    /// Least share of the points on the other scan's surface.
-    pub const LEAST_SUPPORTED: f64 = 0.1;
+    /// Least number of points on a surface.
+    pub const LEAST_ON: usize = 60;
 
-    /// Most points seen through, over those on a surface.
-    pub const MOST_SEEN_THROUGH: f64 = 0.02;
+    /// Least share, of the points whose place is known, on a surface.
+    pub const LEAST_SUPPORTED: f64 = 0.96;
 
-    /// True when the scans confirm the motion.
-    ///
-    /// Streets look alike, and ground lies on ground: the share of points that lie on each other
-    /// separates unrelated scans from right motions badly. But a wall in the wrong place stands
-    /// where the other sensor saw open space, which no right motion of a rigid scene does.
-    pub fn confirms(&self) -> bool {
-        self.supported >= Self::LEAST_SUPPORTED
-            && self.seen_through <= Self::MOST_SEEN_THROUGH * self.supported
+    /// Share on a surface, of the points whose place the other scan knows, 0 to 1.
+    pub fn supported(&self) -> f64 {
+        self.on as f64 / (self.on + self.contradicted).max(1) as f64
     }
 
-    /// Score by which motions are ranked; higher is better.
-    pub fn score(&self) -> f64 {
-        self.supported - CONTRADICTION * self.seen_through
+    /// Share of the points whose place the other scan knows, 0 to 1.
+    pub fn known(&self) -> f64 {
+        let known = self.on + self.contradicted;
+        known as f64 / (known + self.unknown).max(1) as f64
+    }
+
+    /// True when the points agree with the motion.
+    ///
+    /// How many lie on a surface says little: ground lies on any ground, a scan covers little of a
+    /// map. But a wall in the wrong place stands where the other sensor saw open space, which no
+    /// right motion of a rigid scene does.
+    pub fn agrees(&self) -> bool {
+        self.on >= Self::LEAST_ON && self.supported() >= Self::LEAST_SUPPORTED
     }
 }
 
@@ -125,14 +121,15 @@ impl Scene {
         let (tree, image) = (KdTree::new(&points), RangeImage::new(&cloud.points, DIRECTION_DEG));
         let (voxel_m, unit_m) = (voxel_m as f32, unit_m(voxel_m as f32));
         let echoes = cloud.points.iter().filter(|p| is_finite(p) && p.coords != Vector3::zeros());
+        let sight = Sight::new(&cloud.points, unit_m);
         Ok(Self {
             normals: planes.iter().map(|plane| plane.normal).collect(),
             tilts_rad2: planes
                 .iter()
                 .map(|plane| Self::tilt_rad2(plane.tilt_rad2, plane.spread_m2, unit_m))
                 .collect(),
-            sight: Sight::new(&cloud.points),
-            probes: open::probes(echoes.copied(), unit_m),
+            probes: probes::probes(echoes.copied(), unit_m, sight.is_scan()),
+            sight,
             points,
             tree,
             image,
@@ -141,61 +138,8 @@ impl Scene {
     }
 
     /// Unit of the lengths that do not depend on the voxel, m: 1 outdoors.
-    fn unit_m(&self) -> f32 {
+    pub(crate) fn unit_m(&self) -> f32 {
         unit_m(self.voxel_m)
-    }
-
-    /// The evidence of this scan, the target, and a source for a motion.
-    pub fn overlap(&self, source: &Self, target_from_source: &Pose) -> Overlap {
-        let (there, back) = (target_from_source.cast(), target_from_source.inverse().cast());
-        let (forth, again) =
-            rayon::join(|| source.seen_by(self, &there), || self.seen_by(source, &back));
-        let points = (source.points.len() + self.points.len()).max(1) as f64;
-        Overlap {
-            supported: (forth.0 + again.0) / points,
-            seen_through: (forth.1 + again.1) / points,
-        }
-    }
-
-    /// Weighted count of these points on the other's surface, and count of those it saw through.
-    fn seen_by(&self, other: &Self, other_from_self: &Isometry3<f32>) -> (f64, f64) {
-        let chunk = |(points, normals): (&[Point3<f32>], &[Vector3<f32>])| {
-            points.iter().zip(normals).fold((0.0, 0.0), |(on, through), (point, normal)| {
-                let (point, normal) = (other_from_self * point, other_from_self * normal);
-                match other.support(&point, &normal) {
-                    Some(share) => (on + f64::from(share), through),
-                    None => (on, through + f64::from(u8::from(other.saw_through(&point)))),
-                }
-            })
-        };
-        let chunks = self.points.par_chunks(CHUNK).zip(self.normals.par_chunks(CHUNK));
-        // In order: the same sum on any number of threads.
-        let sums: Vec<(f64, f64)> = chunks.map(chunk).collect();
-        sums.iter().fold((0.0, 0.0), |sum, next| (sum.0 + next.0, sum.1 + next.1))
-    }
-
-    /// Fit of a point and its normal to the surface, 0 to 1; None when nothing is near.
-    ///
-    /// ```text
-    /// max(0, n · m) / (1 + (n · d / h)²)       d to the nearest point, n its normal, m the point's
-    /// ```
-    fn support(&self, point: &Point3<f32>, normal: &Vector3<f32>) -> Option<f32> {
-        let nearest = self.tree.nearest(point, REACH_VOXELS * self.voxel_m)? as usize;
-        let (to, own) = (self.points.get(nearest)?, self.normals.get(nearest)?);
-        let off_m = match *own == Vector3::zeros() {
-            true => (point - to).norm(),
-            false => own.dot(&(point - to)).abs(),
-        };
-        let known = *own != Vector3::zeros() && *normal != Vector3::zeros();
-        let agree = if known { own.dot(normal).max(0.0) } else { 0.5 };
-        let halves = off_m / (HALF_VOXELS * self.voxel_m);
-        Some(agree / (1.0 + halves * halves))
-    }
-
-    fn saw_through(&self, point: &Point3<f32>) -> bool {
-        let range_m = point.coords.norm();
-        let least_m = range_m * (1.0 + BEHIND_SHARE) + BEHIND_VOXELS * self.voxel_m;
-        self.image.nearest_m(point).is_some_and(|seen_m| seen_m > least_m)
     }
 }
 
@@ -207,7 +151,7 @@ fn unit_m(voxel_m: f32) -> f32 {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::tests::on_threads;
+    use crate::Pose;
 
     /// A yard 40 m square as a sensor sees it from `x_m`: floor, and walls that end the view.
     pub(super) fn yard(x_m: f32) -> Cloud {
@@ -229,54 +173,30 @@ mod tests {
         Cloud::new((0..360 * 40).map(ray).collect())
     }
 
-    fn scenes() -> (Scene, Scene) {
+    pub(super) fn scenes() -> (Scene, Scene) {
         (Scene::new(&yard(0.0), 0.8).unwrap(), Scene::new(&yard(5.0), 0.8).unwrap())
     }
 
     #[test]
-    fn the_right_motion_is_confirmed_and_nothing_was_seen_through() {
+    fn the_right_motion_is_confirmed_and_nothing_contradicts_it() {
         let (target, source) = scenes();
-        let found = target.overlap(&source, &Pose::translation(5.0, 0.0, 0.0));
-        assert!(found.confirms() && found.supported > 0.6, "{found:?}");
-        assert!(found.seen_through < 1e-3, "{found:?}");
+        let found = target.judge(&source, &Pose::translation(5.0, 0.0, 0.0));
+        assert!(found.confirms(), "{found:?}");
+        assert!(found.overlap.supported() > 0.99 && found.overlap.known() > 0.5, "{found:?}");
     }
 
     #[test]
     fn walls_in_the_open_refuse_a_motion_that_lays_floor_on_floor() {
         let (target, source) = scenes();
-        let found = target.overlap(&source, &Pose::translation(-3.0, 0.0, 0.0));
-        assert!(found.supported > 0.3, "the floors lie on each other: {found:?}");
-        assert!(!found.confirms(), "{found:?}");
+        let found = target.judge(&source, &Pose::translation(-3.0, 0.0, 0.0));
+        assert!(found.overlap.on > 1_000, "the floors lie on each other: {found:?}");
+        assert!(!found.overlap.agrees() && !found.confirms(), "{found:?}");
     }
 
     #[test]
     fn scans_that_share_nothing_confirm_nothing() {
         let (target, source) = scenes();
-        let found = target.overlap(&source, &Pose::translation(900.0, 0.0, 0.0));
-        assert_eq!((found, found.confirms()), (Overlap::default(), false));
-    }
-
-    #[test]
-    fn the_right_motion_scores_above_its_neighbours() {
-        let (target, source) = scenes();
-        let score = |x_m: f64, turn: f64| {
-            let pose = Pose::new([x_m, 0.0, 0.0].into(), [0.0, 0.0, turn].into());
-            target.overlap(&source, &pose).score()
-        };
-        let right = score(5.0, 0.0);
-        for (x_m, turn) in [(3.5, 0.0), (6.5, 0.0), (5.0, 0.2), (5.0, -0.2), (0.0, 0.0)] {
-            assert!(right > score(x_m, turn), "{x_m} m, {turn}");
-        }
-    }
-
-    #[test]
-    fn one_thread_and_two_give_the_same_bytes() {
-        let on = |threads| {
-            on_threads(threads, || {
-                let (target, source) = scenes();
-                target.overlap(&source, &Pose::translation(4.7, 0.1, 0.0))
-            })
-        };
-        assert_eq!(on(1), on(2));
+        let found = target.judge(&source, &Pose::translation(900.0, 0.0, 0.0));
+        assert_eq!((found.overlap.on, found.confirms()), (0, false));
     }
 }

@@ -1,0 +1,231 @@
+//! Points of a scan that the other is asked about, and its answers.
+
+use std::collections::{HashMap, HashSet};
+
+use nalgebra::{Isometry3, Point3};
+use rayon::prelude::*;
+
+use super::{Overlap, Scene};
+use crate::Pose;
+
+/// Distance between the points of a scan that the other is asked about, over the unit.
+const PROBE_UNITS: f32 = 0.3;
+
+/// Most points of a scan that the other is asked about.
+const MOST_PROBES: usize = 8_000;
+
+/// Most of them for a first look.
+pub(super) const FIRST_LOOK: usize = 2_000;
+
+/// Distance from its sensor, over the unit and at most in m, below which a scan is not asked.
+/// Ranges so near are the least sure, and their errors are the same in both scans, which then agree
+/// that nothing moved.
+const NEAR_UNITS: f32 = 4.0;
+const MOST_NEAR_M: f32 = 2.0;
+
+/// Distance within which a point lies on a plane: over the unit, and over its range; three standard
+/// deviations of the plane's tilt are added.
+const ON: [f32; 2] = [0.06, 0.003];
+
+/// Largest such distance, over the unit: farther from its points a plane tells nothing.
+const MOST_ON_UNITS: f32 = 0.4;
+
+/// Distance in front of all that was seen at which a point was seen through: over the unit, and
+/// over its range.
+const THROUGH: [f32; 2] = [0.15, 0.01];
+
+/// Size of a cluster: over the unit, and over its range. Errors within it are not independent.
+const CLUSTER: [f32; 2] = [0.5, 0.05];
+
+/// Range of the points of a cloud without a sensor at its origin, such as a map, over the unit: for
+/// tolerances only.
+const MAP_RANGE_UNITS: f32 = 15.0;
+
+/// Weight of a point on a surface, over one that is contradicted: ground lies on any ground.
+const ON_WEIGHT: f64 = 0.2;
+
+/// Evidence of one scan for the place of a point of the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// It lies on a surface.
+    On,
+    /// It lies off a surface that is known there, or the sensor saw through it.
+    Contradicted,
+    /// Its place is hidden, out of view, or too rough to say.
+    Unknown,
+}
+
+/// A point of a scan that the other is asked about.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Probe {
+    pub(super) at: Point3<f32>,
+    cluster: u32,
+}
+
+/// Verdicts of two scans on each other's probes at a motion.
+#[derive(Clone, Debug)]
+pub(super) struct Answers {
+    /// Of the target on the source's probes.
+    of_target: Vec<Verdict>,
+    /// Of the source on the target's probes.
+    of_source: Vec<Verdict>,
+}
+
+/// Lead of a motion over another on the same probes, in standard deviations of chance: McNemar's
+/// test ("Note on the sampling error of the difference between correlated proportions", 1947), with
+/// the differences summed by cluster.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Lead {
+    /// By the probes that lie on a surface at one motion and are contradicted at the other.
+    pub(super) disputed: f64,
+    /// By all probes; those on a surface count [`ON_WEIGHT`], the contradicted -1.
+    pub(super) explained: f64,
+}
+
+/// Points of a scan at least some distance apart: [`FIRST_LOOK`] of all parts of it, then the
+/// others.
+pub(super) fn probes(
+    echoes: impl Iterator<Item = Point3<f32>>,
+    unit_m: f32,
+    is_scan: bool,
+) -> Vec<Probe> {
+    let cell = |p: &Point3<f32>, edge_m: f32| [p.x, p.y, p.z].map(|x| (x / edge_m).floor() as i32);
+    let mut taken = HashSet::new();
+    let least_m = if is_scan { near_m(unit_m) } else { 0.0 };
+    let apart: Vec<Point3<f32>> = echoes
+        .filter(|p| p.coords.norm() >= least_m && taken.insert(cell(p, PROBE_UNITS * unit_m)))
+        .collect();
+    let mut clusters = HashMap::new();
+    let stride = apart.len().div_ceil(MOST_PROBES).max(1);
+    let numbered = apart.into_iter().step_by(stride).map(|at| {
+        let range_m = if is_scan { at.coords.norm() } else { MAP_RANGE_UNITS * unit_m };
+        let least_m = CLUSTER[0] * unit_m;
+        let doublings = (CLUSTER[1] * range_m / least_m).max(1.0).log2().floor() as i32;
+        let next = clusters.len() as u32;
+        let edge_m = least_m * 2f32.powi(doublings);
+        Probe { at, cluster: *clusters.entry((doublings, cell(&at, edge_m))).or_insert(next) }
+    });
+    let numbered: Vec<Probe> = numbered.collect();
+    let stride = numbered.len().div_ceil(FIRST_LOOK).max(1);
+    let rest = (0..numbered.len()).filter(|i| i % stride != 0);
+    (0..numbered.len()).step_by(stride).chain(rest).map(|i| numbered[i]).collect()
+}
+
+impl Scene {
+    /// Verdicts on the first probes of both scans.
+    pub(super) fn answers(&self, source: &Self, motion: &Pose, most: usize) -> Answers {
+        let (there, back) = (motion.cast(), motion.inverse().cast());
+        let (of_target, of_source) = rayon::join(
+            || self.verdicts(first(&source.probes, most), &there),
+            || source.verdicts(first(&self.probes, most), &back),
+        );
+        Answers { of_target, of_source }
+    }
+
+    fn verdicts(&self, probes: &[Probe], here_from_there: &Isometry3<f32>) -> Vec<Verdict> {
+        probes.par_iter().map(|probe| self.verdict(&(here_from_there * probe.at))).collect()
+    }
+
+    fn verdict(&self, at: &Point3<f32>) -> Verdict {
+        let unit_m = self.unit_m();
+        let is_scan = self.sight.is_scan();
+        let range_m = if is_scan { at.coords.norm() } else { MAP_RANGE_UNITS * unit_m };
+        if is_scan && range_m < near_m(unit_m) {
+            return Verdict::Unknown;
+        }
+        let mut off_m = 0.0; // along the beam
+        if let Some(nearest) = self.near(at) {
+            let normal = self.normals[nearest];
+            let from = at - self.points[nearest];
+            let across_m = normal.dot(&from).abs();
+            let along_m = (from.norm_squared() - across_m * across_m).max(0.0).sqrt();
+            let tilt_m = 3.0 * self.tilts_rad2[nearest].sqrt() * along_m;
+            let tolerance_m = ON[0] * unit_m + ON[1] * range_m + tilt_m;
+            if !is_zero(&normal) && tolerance_m < MOST_ON_UNITS * unit_m {
+                if across_m <= tolerance_m {
+                    return Verdict::On;
+                }
+                off_m = across_m / (normal.dot(&at.coords) / range_m).abs().max(0.05);
+            }
+        }
+        let Some([nearest_m, farthest_m]) = self.sight.bounds_m(at) else {
+            return Verdict::Unknown;
+        };
+        let tolerance_m = THROUGH[0] * unit_m + THROUGH[1] * range_m;
+        let is_hidden = range_m > farthest_m + tolerance_m;
+        match range_m < nearest_m - tolerance_m || !is_hidden && off_m > farthest_m - nearest_m {
+            true => Verdict::Contradicted,
+            false => Verdict::Unknown,
+        }
+    }
+
+    /// The nearest point, as far as the scan's directions are apart there.
+    pub(super) fn near(&self, at: &Point3<f32>) -> Option<usize> {
+        let apart_m = match self.sight.is_scan() {
+            true => 3.0 * at.coords.norm() * self.sight.spacing_rad(),
+            false => 0.0,
+        };
+        self.tree.nearest(at, (1.5 * self.voxel_m).max(apart_m)).map(|index| index as usize)
+    }
+
+    /// Lead of a motion's answers over another's on the same probes.
+    pub(super) fn lead(&self, source: &Self, here: &Answers, there: &Answers) -> Lead {
+        let mut nets = net(&source.probes, &here.of_target, &there.of_target);
+        nets.extend(net(&self.probes, &here.of_source, &there.of_source));
+        let [disputed, explained] = [0, 1].map(|kind| {
+            let sum = |(sum, squares): (f64, f64), net: &[f64; 2]| {
+                (sum + net[kind], squares + net[kind] * net[kind])
+            };
+            let (sum, squares) = nets.iter().fold((0.0, 0.0), sum);
+            sum / (squares + 1.0).sqrt()
+        });
+        Lead { disputed, explained }
+    }
+}
+
+impl Answers {
+    /// Counts of the verdicts.
+    pub(super) fn overlap(&self) -> Overlap {
+        let count = |wanted: Verdict| {
+            self.of_target.iter().chain(&self.of_source).filter(|v| **v == wanted).count()
+        };
+        Overlap {
+            on: count(Verdict::On),
+            contradicted: count(Verdict::Contradicted),
+            unknown: count(Verdict::Unknown),
+        }
+    }
+}
+
+/// Differences of verdicts by cluster: of the disputed probes, and of all.
+fn net(probes: &[Probe], here: &[Verdict], there: &[Verdict]) -> Vec<[f64; 2]> {
+    let clusters = probes.iter().map(|probe| probe.cluster as usize + 1).max().unwrap_or(0);
+    let mut nets = vec![[0.0; 2]; clusters];
+    let value = |verdict: &Verdict| match verdict {
+        Verdict::On => ON_WEIGHT,
+        Verdict::Contradicted => -1.0,
+        Verdict::Unknown => 0.0,
+    };
+    for (probe, (here, there)) in probes.iter().zip(here.iter().zip(there)) {
+        let [disputed, explained] = &mut nets[probe.cluster as usize];
+        *disputed += match (here, there) {
+            (Verdict::On, Verdict::Contradicted) => 1.0,
+            (Verdict::Contradicted, Verdict::On) => -1.0,
+            _ => 0.0,
+        };
+        *explained += value(here) - value(there);
+    }
+    nets
+}
+
+fn first(probes: &[Probe], most: usize) -> &[Probe] {
+    &probes[..most.min(probes.len())]
+}
+
+fn is_zero(normal: &nalgebra::Vector3<f32>) -> bool {
+    *normal == nalgebra::Vector3::zeros()
+}
+
+fn near_m(unit_m: f32) -> f32 {
+    (NEAR_UNITS * unit_m).min(MOST_NEAR_M)
+}
