@@ -1,8 +1,8 @@
 //! The verdicts of `register` on pairs of known motion.
 //!
-//! usage: verdict FOLDER..., each of `echoloop pairs` or of `extruded.py`; registers every pair by
-//! `auto` from the identity, as `register` does. Prints the number of right motions (0.5 m, 2.5°),
-//! of those refused, of wrong ones accepted, and of scans that leave a direction open.
+//! usage: verdict FOLDER..., each of `echoloop pairs`, `extruded.py` or `maps.py`; registers every
+//! pair by `auto` from the identity, as `register` does. Prints the number of right motions (0.5 m,
+//! 2.5°), of those refused, of wrong ones accepted, and of scans that leave a direction open.
 
 use std::path::Path;
 

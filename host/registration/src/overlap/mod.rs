@@ -71,7 +71,7 @@ pub struct Scene {
 
 /// Evidence of two scans for or against a motion: counts of the points of both that each was asked
 /// about.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Overlap {
     /// Points on a surface of the other scan.
     pub on: usize,
@@ -79,6 +79,9 @@ pub struct Overlap {
     pub contradicted: usize,
     /// Points whose place is hidden, out of view, or too rough to say.
     pub unknown: usize,
+    /// Share of a cloud's points whose place the other knows, 0 to 1: of the cloud where it is
+    /// larger. A scan covers little of a map, the map most of the scan.
+    pub covered: f64,
 }
 
 impl Overlap {
@@ -87,6 +90,9 @@ impl Overlap {
 
     /// Least share, of the points whose place is known, on a surface.
     pub const LEAST_SUPPORTED: f64 = 0.96;
+
+    /// Least share covered. Among candidates that share so little some agree by chance.
+    pub const LEAST_COVERED: f64 = 0.2;
 
     /// Share on a surface, of the points whose place the other scan knows, 0 to 1.
     pub fn supported(&self) -> f64 {
@@ -105,7 +111,9 @@ impl Overlap {
     /// map. But a wall in the wrong place stands where the other sensor saw open space, which no
     /// right motion of a rigid scene does.
     pub fn agrees(&self) -> bool {
-        self.on >= Self::LEAST_ON && self.supported() >= Self::LEAST_SUPPORTED
+        self.on >= Self::LEAST_ON
+            && self.covered >= Self::LEAST_COVERED
+            && self.supported() >= Self::LEAST_SUPPORTED
     }
 }
 

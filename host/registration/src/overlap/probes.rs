@@ -189,7 +189,12 @@ impl Answers {
         let count = |wanted: Verdict| {
             self.of_target.iter().chain(&self.of_source).filter(|v| **v == wanted).count()
         };
+        let covered = [&self.of_target, &self.of_source].map(|verdicts| {
+            let known = verdicts.iter().filter(|v| **v != Verdict::Unknown).count();
+            known as f64 / verdicts.len().max(1) as f64
+        });
         Overlap {
+            covered: covered[0].max(covered[1]),
             on: count(Verdict::On),
             contradicted: count(Verdict::Contradicted),
             unknown: count(Verdict::Unknown),
