@@ -27,7 +27,7 @@ const CONTRADICTION: f64 = 3.0;
 impl Scene {
     /// Score by which motions are ranked; higher is better: the share of the thinned points of both
     /// scans on a surface of the other that faces the same way, weighted by distance, less
-    /// [`CONTRADICTION`] times the share that was seen through.
+    /// three times the share that was seen through.
     pub fn score(&self, source: &Self, target_from_source: &Pose) -> f64 {
         let (there, back) = (target_from_source.cast(), target_from_source.inverse().cast());
         let (forth, again) =
