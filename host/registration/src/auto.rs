@@ -4,10 +4,10 @@ use echoloop_clouds::{Cloud, Pose};
 use rayon::prelude::*;
 
 use crate::global::matched;
-use crate::overlap::{Looked, Scene, settled};
+use crate::overlap::{Looked, Scene, is_within, settled};
 use crate::{
     AutoConfig, FeatureConfig, Gicp, GicpConfig, Icp, IcpConfig, Mac, MacConfig, Outcome,
-    Registration, Source, StopReason, Suggestions, Target,
+    PrepareError, Registration, Source, StopReason, Suggestions, Target,
 };
 
 /// Voxels of the features over the finest one. Features at 0.8 m describe a door, at 2.5 m a house;
@@ -59,15 +59,6 @@ struct Bench {
 impl Auto {
     fn found(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Result<Outcome, StopReason> {
         let bench = Bench::new(target, source, self.config.voxel_m)?;
-        let judged = |start: &Looked| {
-            let unit_m = bench.target.unit_m();
-            let finished = finish(target, source, self.config.voxel_m, unit_m, &start.motion)?;
-            let outcome = bench.kept(start, finished).judged(&bench.target, &bench.source);
-            // How the last step ended matters only where the scans agree with the motion.
-            let is_supported = outcome.overlap.is_some_and(|overlap| overlap.agrees());
-            let stop = if is_supported { outcome.stop } else { StopReason::Unconfirmed };
-            Ok::<_, StopReason>(Outcome { stop, ..outcome })
-        };
         let starts = bench.best_of(self.guesses(target, source), self.config.max_refined);
         let guess = bench.refined(initial);
         // Only a motion that the scans clearly prefer replaces the first: the guess that was given,
@@ -79,17 +70,18 @@ impl Auto {
         if !is_given && !found.iter().any(|other| bench.is_same(&other.motion, &guess)) {
             found.push(bench.look(guess));
         }
-        let mut outcome = judged(bench.preferred(&found).ok_or(StopReason::NoConsensus)?)?;
+        let finish = Finish::new(target, source, self.config.voxel_m)?;
+        let start = bench.preferred(&found).ok_or(StopReason::NoConsensus)?;
+        let (mut outcome, mut kept) = bench.finished(&finish, start);
         if !outcome.stop.is_success() {
-            let motion = outcome.target_from_source;
-            let mut slides = bench.found(&bench.target.slides(&bench.source, &motion));
-            slides.insert(0, bench.look(motion));
-            if let Some(slid) = bench.preferred(&slides).filter(|slid| slid.motion != motion) {
-                outcome = judged(slid)?;
+            let mut slides = bench.found(&bench.target.slides(&bench.source, &kept.motion));
+            slides.insert(0, kept.clone());
+            if let Some(slid) = bench.preferred(&slides).filter(|slid| slid.motion != kept.motion) {
+                (outcome, kept) = bench.finished(&finish, slid);
             }
             found.extend(slides);
         }
-        Ok(bench.with_rival(outcome, &found, is_given.then_some(guess)))
+        Ok(bench.with_rival(outcome, &kept, &found, is_given.then_some(guess)))
     }
 
     /// The candidates of every scale, the finest first.
@@ -104,18 +96,28 @@ impl Auto {
     }
 }
 
-/// GICP at the clouds' own voxel, from a motion whose error is a part of `voxel_m`.
-fn finish(
-    target: &Cloud,
-    source: &Cloud,
-    voxel_m: f64,
-    unit_m: f32,
-    start: &Pose,
-) -> Result<Outcome, StopReason> {
-    let config = GicpConfig::from(&Suggestions::new(target, source).refinement(voxel_m));
-    let gicp = Gicp::new(config).map_err(|_| StopReason::BadSettings)?;
-    let from = |start: &Pose| gicp.register(target, source, start);
-    Ok(settled(from(start), unit_m, from))
+/// GICP at the clouds' own voxel, from motions whose error is a part of the voxel of the features.
+struct Finish {
+    gicp: Gicp,
+    target: Result<Target, PrepareError>,
+    source: Result<Target, PrepareError>,
+}
+
+impl Finish {
+    fn new(target: &Cloud, source: &Cloud, voxel_m: f64) -> Result<Self, StopReason> {
+        let config = GicpConfig::from(&Suggestions::new(target, source).refinement(voxel_m));
+        let gicp = Gicp::new(config).map_err(|_| StopReason::BadSettings)?;
+        let prepared = |cloud| Target::prepare(cloud, &config);
+        Ok(Self { gicp, target: prepared(target), source: prepared(source) })
+    }
+
+    fn from(&self, start: &Pose) -> Outcome {
+        let [target, source] =
+            [&self.target, &self.source].map(|cloud| cloud.as_ref().map_err(|error| *error));
+        Outcome::of_prepared(target, source, start, |target, source| {
+            self.gicp.align(target, source, start)
+        })
+    }
 }
 
 impl Bench {
@@ -149,8 +151,7 @@ impl Bench {
     }
 
     fn is_same(&self, one: &Pose, other: &Pose) -> bool {
-        let apart_m = (one.translation.vector - other.translation.vector).norm();
-        apart_m < self.same_m && one.rotation.angle_to(&other.rotation) < SAME_RAD
+        is_within(one, other, self.same_m, SAME_RAD)
     }
 
     /// The motion that ICP reaches from a candidate, converged or not.
@@ -174,25 +175,38 @@ impl Bench {
         self.target.preferred(&self.source, found)
     }
 
-    /// The finished motion, unless the scans clearly prefer the one it began with. If it went far
-    /// away, they have to prefer it to that.
-    fn kept(&self, start: &Looked, finished: Outcome) -> Outcome {
-        let mut both = [self.look(finished.target_from_source), start.clone()];
-        if self.target.is_other(&start.motion, &finished.target_from_source) {
+    /// The motion that finishing ends at, judged. If the scans clearly prefer the one it began
+    /// with, that stands; if it went far away, they have to prefer the end.
+    fn finished(&self, finish: &Finish, start: &Looked) -> (Outcome, Looked) {
+        let unit_m = self.target.unit_m();
+        let finished = settled(finish.from(&start.motion), unit_m, |motion| finish.from(motion));
+        let end = finished.target_from_source;
+        let mut both = [self.look(end), start.clone()];
+        if self.target.is_other(&start.motion, &end) {
             both.reverse();
         }
-        let kept = self.preferred(&both).map_or(start.motion, |kept| kept.motion);
-        let is_end = kept == finished.target_from_source;
-        // The covariance belongs to the finished motion.
-        let covariance = finished.covariance.filter(|_| is_end);
-        Outcome { target_from_source: kept, covariance, ..finished }
+        let kept = self.preferred(&both).unwrap_or(start).clone();
+        // The covariance belongs to the end.
+        let covariance = finished.covariance.filter(|_| kept.motion == end);
+        let judgement = self.target.judge_further(&self.source, &kept);
+        let outcome = Outcome { target_from_source: kept.motion, covariance, ..finished }
+            .judged(judgement, unit_m);
+        // How the last step ended matters only where the scans agree with the motion.
+        let is_supported = outcome.overlap.is_some_and(|overlap| overlap.agrees());
+        let stop = if is_supported { outcome.stop } else { StopReason::Unconfirmed };
+        (Outcome { stop, ..outcome }, kept)
     }
 
     /// The outcome with the best other motion; ambiguous if that is as good. A guess that was given
     /// decides between motions that the scans do not tell apart.
-    fn with_rival(&self, outcome: Outcome, found: &[Looked], guess: Option<Pose>) -> Outcome {
-        let kept = self.look(outcome.target_from_source);
-        let rival = self.target.rival(&self.source, &kept, found);
+    fn with_rival(
+        &self,
+        outcome: Outcome,
+        kept: &Looked,
+        found: &[Looked],
+        guess: Option<Pose>,
+    ) -> Outcome {
+        let rival = self.target.rival(&self.source, kept, found);
         let is_guessed = guess.is_some_and(|guess| !self.target.is_other(&kept.motion, &guess));
         let is_ambiguous = rival.is_some_and(|rival| rival.is_as_good) && !is_guessed;
         let stop = match outcome.stop {

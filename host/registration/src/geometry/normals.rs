@@ -82,7 +82,7 @@ pub(crate) fn of_tree(tree: &BoxTree, radius_m: f64, max_neighbours: usize) -> V
     each_of_tree(tree, radius_m, max_neighbours, |plane| plane.normal)
 }
 
-/// What is wanted of the plane of each point of a tree.
+/// One property of the plane of each point of a tree.
 fn each_of_tree<T: Copy + Default + Send>(
     tree: &BoxTree,
     radius_m: f64,

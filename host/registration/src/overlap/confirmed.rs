@@ -1,5 +1,6 @@
 //! Any method, with a check of its motion on the scans.
 
+use echoloop_clouds::pose::translation_error_m;
 use echoloop_clouds::{Cloud, Pose};
 
 use super::Scene;
@@ -38,7 +39,10 @@ impl<M: Registration> Registration for Confirmed<M> {
             return outcome;
         };
         let again = |from: &Pose| self.method.register(target, source, from);
-        settled(outcome, target_scene.unit_m(), again).judged(&target_scene, &source_scene)
+        let unit_m = target_scene.unit_m();
+        let outcome = settled(outcome, unit_m, again);
+        let judgement = target_scene.judge(&source_scene, &outcome.target_from_source);
+        outcome.judged(judgement, unit_m)
     }
 }
 
@@ -54,8 +58,8 @@ pub(crate) fn settled(
     }
     let from = outcome.target_from_source;
     let mut more = again(&from);
-    let step = from.inverse() * more.target_from_source;
-    let moved_m = step.translation.vector.norm() + LEVER_UNITS * step.rotation.angle();
+    let turn_rad = from.rotation.angle_to(&more.target_from_source.rotation);
+    let moved_m = translation_error_m(&from, &more.target_from_source) + LEVER_UNITS * turn_rad;
     if more.stop == StopReason::MaxIterations && moved_m < SETTLED_UNITS * f64::from(unit_m) {
         more.stop = StopReason::Converged;
     }

@@ -1,5 +1,8 @@
-//! What two scans say of a motion.
+//! Judgement of a motion by two scans.
 
+use std::cell::LazyCell;
+
+use echoloop_clouds::pose::translation_error_m;
 use nalgebra::Vector6;
 
 use super::open::{Direction, WEAK};
@@ -48,15 +51,11 @@ const OTHER_UNITS: f64 = 1.0;
 /// … or a turn, rad.
 const OTHER_RAD: f64 = 0.15;
 
-/// What two scans say of a motion.
+/// Judgement of a motion by two scans.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judgement {
     /// The points of each on the other.
     pub overlap: Overlap,
-    /// Lead of the motion over the same slid by 1 or 2 units, in standard deviations of chance,
-    /// along that of the weakest directions where it is least. None if the overlap does not agree,
-    /// or too few points have partners to tell.
-    pub lead: Option<f64>,
     /// Directions in which the scans do not notice that the motion slides.
     pub open: Vec<OpenDirection>,
     held: Option<Lead>,
@@ -73,7 +72,7 @@ pub struct Rival {
     pub is_as_good: bool,
 }
 
-/// A motion, and what a first look says of it.
+/// A motion, and the answers of both scans to a first look.
 #[derive(Clone, Debug)]
 pub(crate) struct Looked {
     pub(crate) motion: Pose,
@@ -81,6 +80,26 @@ pub(crate) struct Looked {
 }
 
 impl Judgement {
+    /// Judgement by an overlap and, if that agrees, by the leads along the weakest directions.
+    fn new(overlap: Overlap, held: impl FnOnce() -> Vec<(Direction, Lead)>) -> Self {
+        let held = if overlap.agrees() { held() } else { Vec::new() };
+        let least_disputed = least(&overlap).disputed;
+        let is_open = |(direction, held): &&(Direction, Lead)| {
+            direction.share < WEAK && held.disputed < least_disputed
+        };
+        let open = held.iter().filter(is_open).map(|(direction, _)| direction.about_origin());
+        let open = open.collect();
+        let held = held.into_iter().map(|(_, held)| held).reduce(Lead::min);
+        Self { overlap, open, held }
+    }
+
+    /// Lead of the motion over the same slid by 1 or 2 units, in standard deviations of chance,
+    /// along that of the weakest directions where it is least. None if the overlap does not agree,
+    /// or too few points have partners to tell.
+    pub fn lead(&self) -> Option<f64> {
+        self.held.map(|held| held.explained)
+    }
+
     /// True when the scans confirm the motion: they agree with it, and with nothing beside it.
     pub fn confirms(&self) -> bool {
         self.held.is_some_and(|held| held.is_over(least(&self.overlap)))
@@ -121,33 +140,25 @@ impl Lead {
 }
 
 impl Scene {
-    /// What this scan, the target, and a source say of a motion.
+    /// Judgement of a motion by this scan, the target, and a source.
     pub fn judge(&self, source: &Self, target_from_source: &Pose) -> Judgement {
-        let first = self.judge_by(source, target_from_source, FIRST_LOOK);
+        self.judge_further(source, &self.look(source, *target_from_source))
+    }
+
+    /// The same after a first look.
+    pub(crate) fn judge_further(&self, source: &Self, looked: &Looked) -> Judgement {
+        let Looked { motion, answers } = looked;
+        let weakest = LazyCell::new(|| self.weakest_directions(source, motion));
+        let judged = |answers: &Answers, most: usize| {
+            let held = |direction: &Direction| self.held(source, motion, answers, direction, most);
+            Judgement::new(answers.overlap(), || weakest.iter().map(|d| (*d, held(d))).collect())
+        };
+        let first = judged(answers, FIRST_LOOK);
         let is_all = self.probes.len().max(source.probes.len()) <= FIRST_LOOK;
         match is_all || first.is_clear() {
             true => first,
-            false => self.judge_by(source, target_from_source, usize::MAX),
+            false => judged(&self.answers(source, motion, usize::MAX), usize::MAX),
         }
-    }
-
-    /// The same, by the first points of each.
-    fn judge_by(&self, source: &Self, motion: &Pose, most: usize) -> Judgement {
-        let here = self.answers(source, motion, most);
-        let overlap = here.overlap();
-        let mut judgement = Judgement { overlap, lead: None, open: Vec::new(), held: None };
-        if !overlap.agrees() {
-            return judgement;
-        }
-        for direction in self.weakest_directions(source, motion) {
-            let held = self.held(source, motion, &here, &direction, most);
-            if direction.share < WEAK && held.disputed < least(&overlap).disputed {
-                judgement.open.push(direction.about_origin());
-            }
-            judgement.held = Some(judgement.held.map_or(held, |least| least.min(held)));
-        }
-        judgement.lead = judgement.held.map(|held| held.explained);
-        judgement
     }
 
     /// Lead of a motion over the same slid either way along a direction, at the displacement where
@@ -205,23 +216,24 @@ impl Scene {
             fits.then_some(Rival { target_from_source: other.motion, lead, is_as_good })
         };
         let others = others.iter().filter(|other| self.is_other(&of.motion, &other.motion));
-        let key = |rival: &Rival| (!rival.is_as_good, rival.lead);
-        others.filter_map(rival).min_by(|a, b| {
-            let ((a_is_worse, a_lead), (b_is_worse, b_lead)) = (key(a), key(b));
-            a_is_worse.cmp(&b_is_worse).then(a_lead.total_cmp(&b_lead))
-        })
+        others
+            .filter_map(rival)
+            .min_by(|a, b| b.is_as_good.cmp(&a.is_as_good).then(a.lead.total_cmp(&b.lead)))
     }
 
     /// True when two motions are clearly different ones.
     pub(crate) fn is_other(&self, one: &Pose, other: &Pose) -> bool {
-        let apart_m = (one.translation.vector - other.translation.vector).norm();
-        apart_m > OTHER_UNITS * f64::from(self.unit_m())
-            || one.rotation.angle_to(&other.rotation) > OTHER_RAD
+        !is_within(one, other, OTHER_UNITS * f64::from(self.unit_m()), OTHER_RAD)
     }
 }
 
+/// True when two motions differ by at most a shift, m, and a turn, rad.
+pub(crate) fn is_within(one: &Pose, other: &Pose, shift_m: f64, turn_rad: f64) -> bool {
+    translation_error_m(one, other) <= shift_m && one.rotation.angle_to(&other.rotation) <= turn_rad
+}
+
 impl Outcome {
-    /// The same with what the scans say of its motion.
+    /// The same with what two scans judge of its motion; `unit_m` is theirs.
     ///
     /// | the method | the scans | stop |
     /// |---|---|---|
@@ -231,9 +243,8 @@ impl Outcome {
     /// | anything else | | the method's |
     ///
     /// The covariance is wide along open directions.
-    pub(crate) fn judged(mut self, target: &Scene, source: &Scene) -> Self {
+    pub(crate) fn judged(mut self, judgement: Judgement, unit_m: f32) -> Self {
         use StopReason::{Converged, Degenerate, MaxIterations, NoConsensus, Unconfirmed};
-        let judgement = target.judge(source, &self.target_from_source);
         let is_found = matches!(self.stop, Converged | MaxIterations | Degenerate | NoConsensus);
         self.stop = match self.stop {
             _ if is_found && !judgement.open.is_empty() => Degenerate,
@@ -242,9 +253,9 @@ impl Outcome {
             stop => stop,
         };
         self.overlap = Some(judgement.overlap);
-        self.lead = judgement.lead;
+        self.lead = judgement.lead();
         self.open = judgement.open;
-        let open_m = OPEN_UNITS * f64::from(target.unit_m());
+        let open_m = OPEN_UNITS * f64::from(unit_m);
         for OpenDirection { turn_rad: [a, b, c], shift_m: [x, y, z] } in &self.open {
             let wide = Vector6::new(*a, *b, *c, *x, *y, *z) * open_m;
             self.covariance = self.covariance.map(|c| Covariance(c.0 + wide * wide.transpose()));
@@ -266,12 +277,16 @@ mod tests {
         let (target, source) = (seen(0.0, 500.0), seen(2.0, 500.0));
         let covariance = Some(Covariance(Matrix6::identity() * 1e-4));
         let at = |stop| Outcome { covariance, ..Outcome::nothing(&shift(0.0), stop) };
-        let said = at(StopReason::Converged).judged(&target, &source);
+        let judged = |outcome: Outcome| {
+            let judgement = target.judge(&source, &outcome.target_from_source);
+            outcome.judged(judgement, target.unit_m())
+        };
+        let said = judged(at(StopReason::Converged));
         assert_eq!(said.stop, StopReason::Degenerate);
         let sds_m = said.covariance.map(|covariance| covariance.translation_sd_m());
         assert!(sds_m.is_some_and(|[x, y, z]| x > 4.0 && y < 1.0 && z < 1.0), "{sds_m:?}");
         // A worse reason stands.
-        let few = at(StopReason::TooFewPairs).judged(&target, &source);
+        let few = judged(at(StopReason::TooFewPairs));
         assert_eq!(few.stop, StopReason::TooFewPairs);
     }
 

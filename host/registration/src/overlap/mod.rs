@@ -27,8 +27,8 @@ use nalgebra::{Point3, Vector3};
 
 pub use self::confirmed::Confirmed;
 pub(crate) use self::confirmed::settled;
-pub(crate) use self::judgement::Looked;
 pub use self::judgement::{Judgement, Rival};
+pub(crate) use self::judgement::{Looked, is_within};
 pub use self::open::OpenDirection;
 use self::probes::Probe;
 use self::range_image::RangeImage;
@@ -107,7 +107,7 @@ impl Overlap {
 
     /// True when the points agree with the motion.
     ///
-    /// How many lie on a surface says little: ground lies on any ground, a scan covers little of a
+    /// The number on a surface says little: ground lies on any ground, a scan covers little of a
     /// map. But a wall in the wrong place stands where the other sensor saw open space, which no
     /// right motion of a rigid scene does.
     pub fn agrees(&self) -> bool {

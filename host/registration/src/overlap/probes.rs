@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::{Overlap, Scene};
@@ -65,9 +65,9 @@ pub(super) struct Probe {
 /// Verdicts of two scans on each other's probes at a motion.
 #[derive(Clone, Debug)]
 pub(super) struct Answers {
-    /// Of the target on the source's probes.
+    /// Those of the target on the source's probes.
     of_target: Vec<Verdict>,
-    /// Of the source on the target's probes.
+    /// Those of the source on the target's probes.
     of_source: Vec<Verdict>,
 }
 
@@ -141,7 +141,7 @@ impl Scene {
             let along_m = (from.norm_squared() - across_m * across_m).max(0.0).sqrt();
             let tilt_m = 3.0 * self.tilts_rad2[nearest].sqrt() * along_m;
             let tolerance_m = ON[0] * unit_m + ON[1] * range_m + tilt_m;
-            if !is_zero(&normal) && tolerance_m < MOST_ON_UNITS * unit_m {
+            if normal != Vector3::zeros() && tolerance_m < MOST_ON_UNITS * unit_m {
                 if across_m <= tolerance_m {
                     return Verdict::On;
                 }
@@ -225,10 +225,6 @@ fn net(probes: &[Probe], here: &[Verdict], there: &[Verdict]) -> Vec<[f64; 2]> {
 
 fn first(probes: &[Probe], most: usize) -> &[Probe] {
     &probes[..most.min(probes.len())]
-}
-
-fn is_zero(normal: &nalgebra::Vector3<f32>) -> bool {
-    *normal == nalgebra::Vector3::zeros()
 }
 
 fn near_m(unit_m: f32) -> f32 {

@@ -39,7 +39,7 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// What a sensor at the origin saw, if there was one.
+    /// The ranges that a sensor at the origin saw, if there was one.
     pub(super) fn new(points: &[Point3<f32>], unit_m: f32) -> Self {
         let seen: Vec<([f32; 2], f32)> = points
             .iter()
