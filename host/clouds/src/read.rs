@@ -5,7 +5,6 @@ use std::path::Path;
 use echoloop_files::{FileError, read_data};
 
 use crate::error::CloudError;
-use crate::format::pcd::check_growth;
 use crate::format::{Format, READ, read_extensions};
 use crate::recorded::{Keep, Recorded};
 use crate::{Cloud, Dropped};
@@ -88,7 +87,7 @@ fn checked(
     if recorded.cloud.points.is_empty() {
         return Err(CloudError::Empty { path: path.into(), dropped });
     }
-    check_growth(recorded.grown_bytes(), size as u64).map_err(FileError::content(path))?;
+    recorded.check_growth(size as u64).map_err(FileError::content(path))?;
     Ok((recorded, dropped))
 }
 

@@ -5,6 +5,7 @@ use echoloop_files::{Column, Coordinates, NumberType};
 use nalgebra::{Point3, Vector3};
 
 use crate::cloud::retain;
+use crate::format::check_growth;
 use crate::pose::Pose;
 use crate::survey::{Exact, Precision, check_range, refuse_shift, shift_m};
 use crate::{Cloud, Dropped};
@@ -111,18 +112,23 @@ impl Recorded {
         self.locate();
     }
 
-    /// Bytes that the cloud will take once it is [located](Self::locate) far from the origin, where
-    /// `f64` are kept beside its `f32`; 0 if there are none to add.
-    pub(crate) fn grown_bytes(&self) -> u64 {
-        if self.exact.is_some() || shift_m(self.coordinates()) == Vector3::zeros() {
-            return 0;
+    /// Refuses a cloud that takes too much for the size of its file once it is
+    /// [located](Self::locate) far from the origin, where `f64` are kept beside its `f32`.
+    pub(crate) fn check_growth(&self, file: u64) -> Result<(), String> {
+        if self.exact.is_some() {
+            return Ok(()); // its f64 counted when it was read
         }
         let columns: usize = self.columns.iter().map(|column| column.kind().size()).sum();
         let sd = self.cloud.range_sd_m.as_ref().map_or(0, |_| size_of::<f32>());
         let each = size_of::<Point3<f32>>() + sd + columns;
         // Points that were no echo are gone, their room is not.
         let room = self.cloud.points.capacity() * each;
-        (room + self.cloud.points.len() * size_of::<Point3<f64>>()) as u64
+        let located = room + self.cloud.points.len() * size_of::<Point3<f64>>();
+        let is_far = || shift_m(self.coordinates()) != Vector3::zeros();
+        match check_growth(located as u64, file) {
+            Err(error) if is_far() => Err(error),
+            _ => Ok(()),
+        }
     }
 
     /// Sets the shift, whole metres, of a cloud that has one, so that it is near another's frame.

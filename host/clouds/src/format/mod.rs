@@ -2,7 +2,7 @@
 
 mod layout;
 mod lzf;
-pub(crate) mod pcd;
+mod pcd;
 mod ply;
 mod text;
 mod vtk;
@@ -22,6 +22,15 @@ pub(crate) struct Format {
     pub(crate) known_as: &'static str,
     /// The cloud in the bytes of a file, or what was expected of them.
     pub(crate) read: fn(&[u8], Keep) -> Result<Recorded, String>,
+}
+
+/// Refuses a file whose numbers would take more than 6 times its size plus 48 MB. No measured cloud
+/// compresses that well.
+pub(crate) fn check_growth(read: u64, file: u64) -> Result<(), String> {
+    match read > file.saturating_mul(6).saturating_add(48 << 20) {
+        true => Err(format!("expected at most 6 times its size in points, found {read} bytes")),
+        false => Ok(()),
+    }
 }
 
 /// Declares [`CloudFormat`] and the tables of all formats.

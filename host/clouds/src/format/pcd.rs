@@ -10,7 +10,7 @@ use echoloop_files::{Column, Coordinates, NumberType, check_lines, one_line, pad
 use pcd_rs::{DataKind, DynReader, DynRecord, Field, FieldDef, PcdMeta, ValueKind};
 
 use super::layout::Layout;
-use super::lzf;
+use super::{check_growth, lzf};
 use crate::recorded::{Keep, Recorded};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -267,15 +267,6 @@ impl Read {
         let left_out = meta.field_defs.iter().filter(many).map(|def| one_line(&def.name)).collect();
         let located = Recorded::of(self.points, self.range_sds);
         Recorded { columns: self.columns, left_out, ..located }
-    }
-}
-
-/// Refuses a file whose numbers would take more than 6 times its size plus 48 MB. No measured cloud
-/// compresses that well.
-pub(crate) fn check_growth(read: u64, file: u64) -> Result<(), String> {
-    match read > file.saturating_mul(6).saturating_add(48 << 20) {
-        true => Err(format!("expected at most 6 times its size in points, found {read} bytes")),
-        false => Ok(()),
     }
 }
 
