@@ -200,18 +200,28 @@ def scan(echoloop, folder, name, kind, pattern, number):
         os.rename(os.path.join(path("scans"), f"{i:06}.ply"), path(f"{end}.ply"))
     with open(os.path.join(path("scans"), "poses.txt")) as file:
         first, second = ([float(x) for x in line.split()] for line in file)
-    with open(path("target_from_source.txt"), "w") as file:
-        file.writelines(" ".join(map(repr, row)) + "\n" for row in relative(first, second))
+    write_motion(path("target_from_source.txt"), relative(first, second))
+
+
+def write_motion(path, rows):
+    with open(path, "w") as file:
+        file.writelines(" ".join(map(repr, row)) + "\n" for row in rows)
+
+
+def write_pairs(folder, first, count, write):
+    """Makes a folder with what `write` writes of each name, from FIRST on, and with their list."""
+    os.makedirs(folder)
+    names = [f"{number:03}" for number in range(int(first), int(first) + int(count))]
+    for name in names:
+        write(name)
+    with open(os.path.join(folder, "pairs.json"), "w") as file:
+        json.dump({"pairs": [{"name": name} for name in names]}, file)
 
 
 def main():
     echoloop, folder, kind, pattern, first, count = sys.argv[1:]
-    os.makedirs(folder)
-    names = [f"{number:03}" for number in range(int(first), int(first) + int(count))]
-    for name in names:
-        scan(echoloop, folder, name, kind, pattern, int(name))
-    with open(os.path.join(folder, "pairs.json"), "w") as file:
-        json.dump({"pairs": [{"name": name} for name in names]}, file)
+    write = lambda name: scan(echoloop, folder, name, kind, pattern, int(name))
+    write_pairs(folder, first, count, write)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ model: the target is one scan, the source a piece of a dense map of SCANS clean 
 stranger-map: the map is of one town and the scan of another; the truth is out of reach
 """
 
-import json
 import math
 import os
 import random
@@ -25,7 +24,7 @@ import tempfile
 
 import numpy as np
 
-from extruded import PATTERNS
+from extruded import PATTERNS, write_motion, write_pairs
 
 TOWNS = ("structured", "semi-structured", "unstructured")
 NARROW = ("livox-mid-40",)
@@ -295,18 +294,13 @@ def make(echoloop, folder, name, kind, pattern, scans):
     path = lambda end: os.path.join(folder, f"{name}_{end}")
     write_points(path("target.ply"), target)
     write_points(path("source.ply"), source)
-    with open(path("target_from_source.txt"), "w") as file:
-        file.writelines(" ".join(map(repr, row)) + "\n" for row in truth.tolist())
+    write_motion(path("target_from_source.txt"), truth.tolist())
 
 
 def main():
     echoloop, folder, kind, pattern, scans, first, count = sys.argv[1:]
-    os.makedirs(folder)
-    names = [f"{number:03}" for number in range(int(first), int(first) + int(count))]
-    for name in names:
-        make(echoloop, folder, name, kind, pattern, int(scans))
-    with open(os.path.join(folder, "pairs.json"), "w") as file:
-        json.dump({"pairs": [{"name": name} for name in names]}, file)
+    write = lambda name: make(echoloop, folder, name, kind, pattern, int(scans))
+    write_pairs(folder, first, count, write)
 
 
 if __name__ == "__main__":
