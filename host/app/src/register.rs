@@ -288,9 +288,9 @@ fn document(
         "iterations": outcome.iterations,
         "inlier_fraction": outcome.inlier_fraction,
         "supported": outcome.overlap.map(|o| o.supported()),
-        "contradicted": outcome.overlap.map(|o| 1.0 - o.supported()),
+        "contradicted": outcome.overlap.map(|o| o.refuted()),
         // Kept for one version, for readers of the former name.
-        "seen_through": outcome.overlap.map(|o| 1.0 - o.supported()),
+        "seen_through": outcome.overlap.map(|o| o.refuted()),
         "known": outcome.overlap.map(|o| o.known()),
         "lead": outcome.lead,
         "rival": outcome.rival.map(|rival| rival_document(&rival, frames)),

@@ -94,9 +94,14 @@ impl Overlap {
     /// Least share covered. Among candidates that share so little some agree by chance.
     pub const LEAST_COVERED: f64 = 0.2;
 
-    /// Share on a surface, of the points whose place the other scan knows, 0 to 1.
+    /// Share on a surface, of the points whose place the other scan knows, 0 to 1; 0 if none is.
     pub fn supported(&self) -> f64 {
         self.on as f64 / (self.on + self.contradicted).max(1) as f64
+    }
+
+    /// Share contradicted of the same points; 0 if none is.
+    pub fn refuted(&self) -> f64 {
+        self.contradicted as f64 / (self.on + self.contradicted).max(1) as f64
     }
 
     /// Share of the points whose place the other scan knows, 0 to 1.
@@ -206,5 +211,6 @@ mod tests {
         let (target, source) = scenes();
         let found = target.judge(&source, &Pose::translation(900.0, 0.0, 0.0));
         assert_eq!((found.overlap.on, found.confirms()), (0, false));
+        assert_eq!((found.overlap.supported(), found.overlap.refuted()), (0.0, 0.0));
     }
 }
