@@ -372,7 +372,7 @@ settings! {
         "Largest number of the best scored motions that are refined with ICP.",
         "" =>
     {
-        auto 6, PLAIN;
+        auto 8, PLAIN;
     }
     max_tuples: usize, "", between(1.0, 1000000.0),
         "Largest number of triples of matches that the tuple test keeps.",

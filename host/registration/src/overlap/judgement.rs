@@ -29,7 +29,7 @@ const CLEAR_LEAD: Lead = Lead { disputed: 2.0, explained: 6.0 };
 /// A rival fits the scans if its share of support is this, …
 const RIVAL_SUPPORTED: f64 = 0.98;
 
-/// … and is as good if the motion leads it by less, …
+/// … and is as good if the scans confirm it and the motion leads it by less, …
 const RIVAL_LEAD: Lead = Lead { disputed: 2.0, explained: 2.0 };
 
 /// … or if it is turned, rad, …
@@ -196,8 +196,7 @@ impl Scene {
     pub(crate) fn preferred<'a>(&self, source: &Self, motions: &'a [Looked]) -> Option<&'a Looked> {
         motions.iter().reduce(|best, other| {
             let lead = self.lead(source, &other.answers, &best.answers);
-            let is_better = lead.explained > 0.0 && lead.disputed > RIVAL_LEAD.disputed
-                || lead.explained > RIVAL_LEAD.explained && lead.disputed >= 0.0;
+            let is_better = lead.explained > 0.0 && lead.disputed > RIVAL_LEAD.disputed;
             let is_plausible = other.answers.overlap().supported() >= PLAUSIBLE_SUPPORTED;
             if is_plausible && is_better { other } else { best }
         })
@@ -211,8 +210,10 @@ impl Scene {
             let Lead { disputed, explained: lead } = self.lead(source, &of.answers, &other.answers);
             let turned = of.motion.rotation.angle_to(&other.motion.rotation) > TURNED_RAD;
             let is_alike = turned && overlap.known() >= RIVAL_KNOWN;
+            let is_near = disputed < RIVAL_LEAD.disputed && lead < RIVAL_LEAD.explained;
+            // A motion that may slide explains much ground, wherever it lies.
             let is_as_good =
-                is_alike || disputed < RIVAL_LEAD.disputed && lead < RIVAL_LEAD.explained;
+                fits && (is_alike || is_near) && self.judge_further(source, other).confirms();
             fits.then_some(Rival { target_from_source: other.motion, lead, is_as_good })
         };
         let others = others.iter().filter(|other| self.is_other(&of.motion, &other.motion));
@@ -291,6 +292,22 @@ mod tests {
     }
 
     #[test]
+    fn a_motion_is_confirmed_from_each_bound_of_its_lead_on() {
+        let (target, source) = scenes();
+        let directions = target.weakest_directions(&source, &shift(5.0));
+        let judged = |on: usize, disputed: f64, explained: f64| {
+            let overlap = Overlap { on, covered: 0.5, ..Overlap::default() };
+            let held = || vec![(directions[0], Lead { disputed, explained })];
+            Judgement::new(overlap, held).confirms()
+        };
+        assert!(judged(1_500, 1.0, 3.5) && judged(1_499, 0.7, 3.5));
+        assert!(!judged(1_500, 1.0, 3.4) && !judged(1_499, 0.7, 3.4));
+        assert!(!judged(1_500, 0.9, 3.5) && !judged(1_499, 0.6, 3.5));
+        let none = Overlap { on: 1_500, covered: 0.5, ..Overlap::default() };
+        assert!(!Judgement::new(none, Vec::new).confirms(), "nothing tells what is beside it");
+    }
+
+    #[test]
     fn the_right_motion_is_preferred_and_led_by_nothing() {
         let (target, source) = scenes();
         let look = |x_m: f64| target.look(&source, shift(x_m));
@@ -311,6 +328,22 @@ mod tests {
         let rival = target.rival(&source, &kept, std::slice::from_ref(&other));
         assert!(rival.is_some_and(|rival| rival.is_as_good), "{rival:?}");
         assert_eq!(rival.map(|rival| rival.target_from_source), Some(turned));
+        // A decimetre off, as errors of a sensor are, it is led, and yet as good where both scans
+        // know nearly all that there is.
+        for (z_m, is_as_good) in [(0.05, true), (0.08, false)] {
+            let off = target.look(&source, Pose::translation(0.12, -0.12, z_m) * turned);
+            assert!(target.lead(&source, &kept.answers, &off.answers).disputed > 2.0);
+            let rival = target.rival(&source, &kept, &[off]);
+            assert_eq!(rival.map(|rival| rival.is_as_good), Some(is_as_good), "{z_m} m");
+        }
+    }
+
+    #[test]
+    fn a_motion_that_may_slide_itself_is_no_rival_as_good() {
+        let (target, source) = (seen(0.0, 500.0), seen(2.0, 500.0));
+        let [kept, other] = [2.0, 0.0].map(|x_m| target.look(&source, shift(x_m)));
+        let rival = target.rival(&source, &kept, std::slice::from_ref(&other));
+        assert!(rival.is_some_and(|rival| !rival.is_as_good), "{rival:?}");
     }
 
     #[test]

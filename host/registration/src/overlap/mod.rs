@@ -207,6 +207,19 @@ mod tests {
     }
 
     #[test]
+    fn an_overlap_agrees_from_each_of_its_bounds_on() {
+        let least = Overlap { on: 960, contradicted: 40, unknown: 4_000, covered: 0.2 };
+        assert!(least.agrees() && Overlap { on: 60, contradicted: 0, ..least }.agrees());
+        for overlap in [
+            Overlap { on: 59, contradicted: 0, ..least },
+            Overlap { contradicted: 41, ..least },
+            Overlap { covered: 0.19, ..least },
+        ] {
+            assert!(!overlap.agrees(), "{overlap:?}");
+        }
+    }
+
+    #[test]
     fn scans_that_share_nothing_confirm_nothing() {
         let (target, source) = scenes();
         let found = target.judge(&source, &Pose::translation(900.0, 0.0, 0.0));

@@ -230,3 +230,37 @@ fn first(probes: &[Probe], most: usize) -> &[Probe] {
 fn near_m(unit_m: f32) -> f32 {
     (NEAR_UNITS * unit_m).min(MOST_NEAR_M)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::scenes;
+    use super::*;
+
+    #[test]
+    fn points_near_the_sensor_are_not_asked_about_and_those_of_a_map_are() {
+        let points = [1.5, 2.5, 30.0].map(|x_m| Point3::new(x_m, 0.0, 0.0));
+        let asked = |unit_m: f32, is_scan: bool| {
+            let probes = probes(points.into_iter(), unit_m, is_scan);
+            probes.iter().map(|probe| probe.at.x).collect::<Vec<_>>()
+        };
+        assert_eq!(asked(1.0, true), [2.5, 30.0]);
+        assert_eq!(asked(0.25, true), [1.5, 2.5, 30.0], "a small scene has small distances");
+        assert_eq!(asked(1.0, false), [1.5, 2.5, 30.0]);
+    }
+
+    #[test]
+    fn a_scan_answers_for_floor_wall_and_open_space_and_not_near_itself() {
+        let (target, _) = scenes();
+        // The floor is 2 m below the sensor, a wall 20 m away.
+        for (x_m, z_m, expected) in [
+            (8.0, -2.0, Verdict::On),
+            (20.0, 1.0, Verdict::On),
+            (15.0, 1.0, Verdict::Contradicted),
+            (30.0, 1.0, Verdict::Unknown),
+            (1.0, 0.3, Verdict::Unknown),
+        ] {
+            let verdict = target.verdict(&Point3::new(x_m, 0.0, z_m));
+            assert_eq!(verdict, expected, "{x_m} m, {z_m} m");
+        }
+    }
+}

@@ -176,6 +176,15 @@ mod tests {
     }
 
     #[test]
+    fn points_behind_others_are_not_of_a_sensor_at_the_origin() {
+        assert!(Sight::new(&shell(10.0), 1.0).is_scan());
+        // A wall, and one twice as far away behind it.
+        let both = Sight::new(&[shell(10.0), shell(20.0)].concat(), 1.0);
+        assert!(!both.is_scan());
+        assert_eq!(both.bounds_m(&Point3::new(1.0, 0.0, 0.0)), None);
+    }
+
+    #[test]
     fn the_edge_of_the_view_and_what_is_beyond_know_nothing() {
         let sight = Sight::new(&shell(10.0), 1.0);
         let at = |deg: f32| Point3::new(deg.to_radians().cos(), 0.0, deg.to_radians().sin());
