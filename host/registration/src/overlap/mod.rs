@@ -47,6 +47,13 @@ const NORMAL_NEIGHBOURS: usize = 12;
 /// Resolution of the range image, degrees.
 const DIRECTION_DEG: f32 = 2.5;
 
+/// A point is precise if so many standard deviations of its range are within the distance at which
+/// points lie on a plane.
+const RANGE_SDS: f32 = 3.0;
+
+/// Least number of precise points: of a sensor that has fewer all are asked about.
+const LEAST_PRECISE: usize = 100;
+
 /// Voxel of outdoor scans, m: lengths that do not depend on the voxel are shares of 1 m there, and
 /// smaller in smaller scenes.
 const OUTDOOR_VOXEL_M: f32 = 0.8;
@@ -123,16 +130,20 @@ impl Overlap {
 }
 
 impl Scene {
-    /// Thins a scan to `voxel_m`, and works out its surface. The sensor is at the origin.
+    /// Thins a scan to `voxel_m`, and works out its surface. The sensor is at the origin. Points
+    /// whose range it reports to be imprecise are left out.
     ///
     /// # Errors
     ///
     /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
     pub fn new(cloud: &Cloud, voxel_m: f64) -> Result<Self, PrepareError> {
+        let unit_m = unit_m(voxel_m as f32);
+        let precise = precise(cloud, unit_m);
+        let cloud = precise.as_ref().unwrap_or(cloud);
         let points = thinned(cloud, voxel_m, Convention::Sensor)?.points;
         let planes = normals::planes(&points, NORMAL_VOXELS * voxel_m, NORMAL_NEIGHBOURS);
         let (tree, image) = (KdTree::new(&points), RangeImage::new(&cloud.points, DIRECTION_DEG));
-        let (voxel_m, unit_m) = (voxel_m as f32, unit_m(voxel_m as f32));
+        let voxel_m = voxel_m as f32;
         let echoes = cloud.points.iter().filter(|p| is_finite(p) && p.coords != Vector3::zeros());
         let sight = Sight::new(&cloud.points, unit_m);
         Ok(Self {
@@ -160,9 +171,24 @@ fn unit_m(voxel_m: f32) -> f32 {
     (voxel_m / OUTDOOR_VOXEL_M).min(1.0)
 }
 
+/// The points of a cloud whose range is so precise that they can lie on or off a plane. None if the
+/// sensor reports no precision, or that of too few points.
+///
+/// Errors of saturated echoes are the same in both scans, which then agree that nothing moved.
+fn precise(cloud: &Cloud, unit_m: f32) -> Option<Cloud> {
+    let sds_m = cloud.range_sd_m.as_ref()?;
+    let is_precise = |(point, sd_m): &(&Point3<f32>, &f32)| {
+        RANGE_SDS * **sd_m <= probes::on_m(unit_m, point.coords.norm())
+    };
+    let points = cloud.points.iter().zip(sds_m).filter(is_precise).map(|(point, _)| *point);
+    let points: Vec<Point3<f32>> = points.collect();
+    (points.len() >= LEAST_PRECISE).then(|| Cloud::new(points))
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use super::open::tests::tunnel;
     use super::*;
     use crate::Pose;
 
@@ -217,6 +243,32 @@ mod tests {
         ] {
             assert!(!overlap.agrees(), "{overlap:?}");
         }
+    }
+
+    #[test]
+    fn points_that_the_sensor_calls_imprecise_are_no_evidence() {
+        // Walls nearer than 5 m recede by 0.4 m, as saturated echoes do, seen from anywhere.
+        let seen = |x_m: f32, near_sd_m: f32| {
+            let exact = tunnel(x_m, 500.0).points;
+            let is_near = |p: &Point3<f32>| p.coords.norm() < 5.0;
+            let sds_m = exact.iter().map(|p| if is_near(p) { near_sd_m } else { 0.01 }).collect();
+            let receded = |p: Point3<f32>| p * (1.0 + 0.4 / p.coords.norm());
+            let points = exact.iter().map(|p| if is_near(p) { receded(*p) } else { *p }).collect();
+            Scene::new(&Cloud { range_sd_m: Some(sds_m), ..Cloud::new(points) }, 0.8).unwrap()
+        };
+        let open_where_nothing_moved = |near_sd_m: f32| {
+            let (target, source) = (seen(0.0, near_sd_m), seen(2.0, near_sd_m));
+            target.judge(&source, &Pose::identity()).open.len()
+        };
+        assert_eq!([0.01, 0.4].map(open_where_nothing_moved), [0, 1]);
+    }
+
+    #[test]
+    fn all_points_of_a_sensor_without_a_precise_one_are_asked_about() {
+        let points = yard(0.0).points;
+        let vague = Cloud { range_sd_m: Some(vec![1.0; points.len()]), ..Cloud::new(points) };
+        let probes = |cloud: &Cloud| Scene::new(cloud, 0.8).unwrap().probes.len();
+        assert_eq!(probes(&vague), probes(&yard(0.0)));
     }
 
     #[test]

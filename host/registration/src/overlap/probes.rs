@@ -140,12 +140,16 @@ impl Scene {
             let across_m = normal.dot(&from).abs();
             let along_m = (from.norm_squared() - across_m * across_m).max(0.0).sqrt();
             let tilt_m = 3.0 * self.tilts_rad2[nearest].sqrt() * along_m;
-            let tolerance_m = ON[0] * unit_m + ON[1] * range_m + tilt_m;
+            let tolerance_m = on_m(unit_m, range_m) + tilt_m;
             if normal != Vector3::zeros() && tolerance_m < MOST_ON_UNITS * unit_m {
                 if across_m <= tolerance_m {
                     return Verdict::On;
                 }
-                off_m = across_m / (normal.dot(&at.coords) / range_m).abs().max(0.05);
+                off_m = across_m / (normal.dot(&at.coords) / range_m).abs();
+                // Beside a wall a beam meets its plane far from the points that tell of it.
+                if off_m > self.reach_m(at) {
+                    off_m = 0.0;
+                }
             }
         }
         let Some([nearest_m, farthest_m]) = self.sight.bounds_m(at) else {
@@ -159,13 +163,19 @@ impl Scene {
         }
     }
 
-    /// The nearest point, as far as the scan's directions are apart there.
+    /// The nearest point within reach.
     pub(super) fn near(&self, at: &Point3<f32>) -> Option<usize> {
+        self.tree.nearest(at, self.reach_m(at)).map(|index| index as usize)
+    }
+
+    /// Distance over which a point of the surface tells of it: as far as the scan's directions are
+    /// apart there.
+    fn reach_m(&self, at: &Point3<f32>) -> f32 {
         let apart_m = match self.sight.is_scan() {
             true => 3.0 * at.coords.norm() * self.sight.spacing_rad(),
             false => 0.0,
         };
-        self.tree.nearest(at, (1.5 * self.voxel_m).max(apart_m)).map(|index| index as usize)
+        (1.5 * self.voxel_m).max(apart_m)
     }
 
     /// Lead of a motion's answers over another's on the same probes.
@@ -227,12 +237,20 @@ fn first(probes: &[Probe], most: usize) -> &[Probe] {
     &probes[..most.min(probes.len())]
 }
 
+/// Distance within which a point of some range lies on a plane that is well known.
+pub(super) fn on_m(unit_m: f32, range_m: f32) -> f32 {
+    ON[0] * unit_m + ON[1] * range_m
+}
+
 fn near_m(unit_m: f32) -> f32 {
     (NEAR_UNITS * unit_m).min(MOST_NEAR_M)
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
+    use echoloop_clouds::Cloud;
+
     use super::super::tests::scenes;
     use super::*;
 
@@ -262,5 +280,19 @@ mod tests {
             let verdict = target.verdict(&Point3::new(x_m, 0.0, z_m));
             assert_eq!(verdict, expected, "{x_m} m, {z_m} m");
         }
+    }
+
+    #[test]
+    fn a_wall_tells_nothing_of_a_beam_that_passes_far_beyond_its_points() {
+        // A wall along x, 1 m beside the sensor, and another across 20 m away.
+        let grid = |from: i32, to: i32| move |a: i32| (from..to).map(move |b| (a, b));
+        let beside = (80..120).flat_map(grid(-10, 10));
+        let beside = beside.map(|(x, z)| Point3::new(x as f32 * 0.1, 1.0, z as f32 * 0.1));
+        let across = (-10..10).flat_map(grid(-10, 10));
+        let across = across.map(|(y, z)| Point3::new(20.0, y as f32 * 0.8, z as f32 * 0.8));
+        let cloud = Cloud::new(beside.chain(across).collect());
+        let scan = Scene::new(&cloud, 0.8).unwrap();
+        assert_eq!(scan.verdict(&Point3::new(11.9, 1.02, 0.0)), Verdict::On);
+        assert_eq!(scan.verdict(&Point3::new(11.9, 0.5, 0.0)), Verdict::Unknown);
     }
 }
