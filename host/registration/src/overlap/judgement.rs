@@ -172,7 +172,8 @@ impl Scene {
         most: usize,
     ) -> Lead {
         let over = |by_m: f64| {
-            let there = self.answers(source, &direction.slid(motion, by_m), most);
+            let slid = direction.fitted(self, source, motion, by_m);
+            let there = self.answers(source, &slid, most);
             self.lead(source, here, &there)
         };
         let mut held: Option<Lead> = None;

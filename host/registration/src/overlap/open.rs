@@ -32,8 +32,21 @@ const LEAST_COSINE: f64 = 0.7;
 /// open. In tunnels, on highways and in fields the least is below 0.001 in 9 of 10 scans.
 pub(super) const WEAK: f64 = 0.002;
 
-/// Number of the weakest directions that are asked about.
-const DIRECTIONS: usize = 3;
+/// Number of the weakest directions that are asked about, besides the weakest shift: where several
+/// are weak, errors mix them, and a tunnel's axis is in none.
+const DIRECTIONS: usize = 2;
+
+/// Least cosine between two ways of the same direction.
+const SAME_COSINE: f64 = 0.9;
+
+/// Largest distance of a point from the plane that it is fitted to, over the unit.
+const FITTED_UNITS: f64 = 0.3;
+
+/// Information about every direction, as a share, that keeps a fit from following noise.
+const DAMPED: f64 = 1e-4;
+
+/// Information, as a share, that keeps a fit from sliding back.
+const HELD: f64 = 1e3;
 
 /// Mean displacements at which a direction is searched, over the unit.
 const SEARCHED_SLIDES: [f64; 3] = [2.0, 4.0, 6.0];
@@ -58,10 +71,52 @@ pub(super) struct Direction {
     pub(super) share: f64,
 }
 
+/// Derivative of a point's distance from a plane by a turn about the origin and a shift.
+fn row(at: &Vector3<f64>, normal: &Vector3<f64>) -> Vector6<f64> {
+    let turn = at.cross(normal);
+    Vector6::new(turn.x, turn.y, turn.z, normal.x, normal.y, normal.z)
+}
+
 impl Direction {
+    /// The shift of least information.
+    fn shift(centred: Centred, shares: &Matrix6<f64>) -> Self {
+        let eigen = shares.fixed_view::<3, 3>(3, 3).symmetric_eigen();
+        let (weakest, share) = eigen.eigenvalues.argmin();
+        let mut way = Vector6::zeros();
+        way.fixed_rows_mut::<3>(3).copy_from(&eigen.eigenvectors.column(weakest));
+        Self { centred, way, share }
+    }
+
     /// A motion, slid by a mean displacement, m.
     pub(super) fn slid(&self, motion: &Pose, by_m: f64) -> Pose {
         self.centred.step(&(self.way * by_m)).motion * motion
+    }
+
+    /// A motion, slid by a mean displacement, m, and if the direction may be open fitted to the
+    /// surface in all others: one of a few degrees beside a tunnel's axis meets its walls.
+    pub(super) fn fitted(&self, target: &Scene, source: &Scene, motion: &Pose, by_m: f64) -> Pose {
+        let slid = self.slid(motion, by_m);
+        match self.share < WEAK {
+            true => self.fit(target, source, &slid).map_or(slid, |fit| fit * slid),
+            false => slid,
+        }
+    }
+
+    /// The small motion of a point-to-plane step in all other directions; `None` if too few points
+    /// lie near a plane.
+    fn fit(&self, target: &Scene, source: &Scene, motion: &Pose) -> Option<Pose> {
+        let rows: Vec<(Vector6<f64>, f64)> =
+            source.compared().filter_map(|probe| target.row(probe, motion)).collect();
+        if rows.len() < LEAST_PAIRS {
+            return None;
+        }
+        let information = rows.iter().map(|(j, _)| j * j.transpose()).sum();
+        let right = rows.iter().map(|(j, off_m)| j * -off_m).sum();
+        let shares = self.centred.square(&information) / rows.len() as f64;
+        let held = self.way * self.way.transpose() * HELD + Matrix6::identity() * DAMPED;
+        let right = self.centred.right(&right) / rows.len() as f64;
+        let step = (shares + held).cholesky()?.solve(&right);
+        Some(self.centred.step(&step).motion)
     }
 
     /// The direction about the origin of the target.
@@ -82,18 +137,14 @@ impl Scene {
         weakest.filter(|direction| direction.share < WEAK).into_iter().flat_map(both).collect()
     }
 
-    /// The directions of least information, weakest first; none if too few points have partners.
+    /// The shift and the directions of least information, weakest first of these; none if too few
+    /// points have partners.
     ///
     /// `I = Σ (j kᵀ + k jᵀ) / 2 pairs`, as of [`crate::Observability`], but with `j` from the
     /// target's normal and `k` from the source's: errors that the two do not share add nothing.
     pub(super) fn weakest_directions(&self, source: &Self, motion: &Pose) -> Vec<Direction> {
-        let stride = source.probes.len().div_ceil(MOST_COMPARED).max(1);
-        let pairs: Vec<(Vector3<f64>, [Vector3<f64>; 2])> = source
-            .probes
-            .iter()
-            .step_by(stride)
-            .filter_map(|p| self.pair(source, p, motion))
-            .collect();
+        let pairs: Vec<(Vector3<f64>, [Vector3<f64>; 2])> =
+            source.compared().filter_map(|probe| self.pair(source, probe, motion)).collect();
         let sum: Vector3<f64> = pairs.iter().map(|(at, _)| at).sum();
         if pairs.len() < LEAST_PAIRS {
             return Vec::new();
@@ -101,10 +152,7 @@ impl Scene {
         let squares = pairs.iter().map(|(at, _)| at.norm_squared()).sum();
         let mut information = Matrix6::zeros();
         for (at, normals) in &pairs {
-            let [j, k] = normals.map(|normal| {
-                let turn = at.cross(&normal);
-                Vector6::new(turn.x, turn.y, turn.z, normal.x, normal.y, normal.z)
-            });
+            let [j, k] = normals.map(|normal| row(at, &normal));
             information += j * k.transpose() + k * j.transpose();
         }
         let centred = Centred::new(pairs.len(), &sum, squares);
@@ -116,7 +164,27 @@ impl Scene {
             let way = eigen.eigenvectors.column(*i).into_owned();
             Direction { centred, way, share: eigen.eigenvalues[*i] }
         };
-        order.iter().take(DIRECTIONS).map(direction).collect()
+        let shift = Direction::shift(centred, &shares);
+        let others = order.iter().map(direction);
+        let others = others.filter(|other| other.way.dot(&shift.way).abs() < SAME_COSINE);
+        std::iter::once(shift).chain(others.take(DIRECTIONS)).collect()
+    }
+
+    /// Points whose surfaces are compared.
+    fn compared(&self) -> impl Iterator<Item = &Probe> {
+        self.probes.iter().step_by(self.probes.len().div_ceil(MOST_COMPARED).max(1))
+    }
+
+    /// Derivative by a small motion of the distance of a probe from the surface, and that distance,
+    /// m; `None` where there is none near.
+    fn row(&self, probe: &Probe, motion: &Pose) -> Option<(Vector6<f64>, f64)> {
+        let at: Point3<f64> = motion * probe.at.cast::<f64>();
+        let nearest = self.near(&at.cast())?;
+        let normal = self.normals[nearest].cast::<f64>();
+        let off_m = normal.dot(&(at - self.points[nearest].cast::<f64>()));
+        let is_known = normal != Vector3::zeros() && self.tilts_rad2[nearest] < MOST_TILT_RAD2;
+        let is_near = off_m.abs() <= FITTED_UNITS * f64::from(self.unit_m());
+        (is_known && is_near).then(|| (row(&at.coords, &normal), off_m))
     }
 
     /// A probe of the source in the target's frame, the target's normal there and its own, which
@@ -220,6 +288,32 @@ pub(super) mod tests {
             let [x, y, z] = open[0].shift_m.map(f64::abs);
             assert!(x > 0.95 && y < 0.1 && z < 0.1, "{x_m} m: {open:?}");
         }
+    }
+
+    #[test]
+    fn the_axis_of_a_tunnel_is_asked_about_by_itself_and_once() {
+        let (target, source) = (seen(0.0, 500.0), seen(2.0, 500.0));
+        let directions = target.weakest_directions(&source, &shift(2.0));
+        let OpenDirection { turn_rad, shift_m } = directions[0].about_origin();
+        assert!(turn_rad == [0.0; 3] && shift_m[0].abs() > 0.999, "{turn_rad:?} {shift_m:?}");
+        assert_eq!(directions.len(), 3);
+        let cosine = |other: &Direction| other.way.dot(&directions[0].way).abs();
+        assert!(directions[1..].iter().map(cosine).all(|cosine| cosine < 0.9));
+    }
+
+    #[test]
+    fn a_slide_beside_the_axis_of_a_tunnel_is_fitted_to_its_walls() {
+        let (target, source) = (seen(0.0, 500.0), seen(2.0, 500.0));
+        let axis = target.weakest_directions(&source, &shift(2.0))[0];
+        let way = Vector6::new(0.0, 0.01, 0.0, 1.0, 0.08, -0.05).normalize();
+        let off_m = |share: f64| {
+            let beside = Direction { way, share, ..axis };
+            let slid = beside.fitted(&target, &source, &shift(2.0), 2.0);
+            let along_m = (beside.slid(&shift(2.0), 2.0).translation.x - 2.0).abs();
+            assert!(along_m > 1.9 && (slid.translation.x - 2.0).abs() > 1.9, "{slid}");
+            slid.translation.y.hypot(slid.translation.z)
+        };
+        assert!(off_m(0.0) < 0.02 && off_m(WEAK) > 0.15, "{} {}", off_m(0.0), off_m(WEAK));
     }
 
     #[test]
