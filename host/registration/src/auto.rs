@@ -62,13 +62,16 @@ impl Auto {
         let starts = bench.best_of(self.guesses(target, source), self.config.max_refined);
         let guess = bench.refined(initial);
         // Only a motion that the scans clearly prefer replaces the first: the guess that was given,
-        // or else that of the best score.
+        // or else that of the best score among those that the scans agree with.
         let is_given = *initial != Pose::identity();
         let given = [*initial, guess].into_iter().filter(|_| is_given);
         let mut found: Vec<Looked> = given.map(|motion| bench.look(motion)).collect();
         found.extend(bench.found(&starts));
         if !is_given && !found.iter().any(|other| bench.is_same(&other.motion, &guess)) {
             found.push(bench.look(guess));
+        }
+        if !is_given {
+            found = Looked::agreeing_first(found);
         }
         let finish = Finish::new(target, source, self.config.voxel_m)?;
         let start = bench.preferred(&found).ok_or(StopReason::NoConsensus)?;

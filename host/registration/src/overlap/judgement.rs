@@ -79,6 +79,14 @@ pub(crate) struct Looked {
     answers: Answers,
 }
 
+impl Looked {
+    /// Motions, those that the scans agree with first.
+    pub(crate) fn agreeing_first(mut motions: Vec<Self>) -> Vec<Self> {
+        motions.sort_by_key(|looked| !looked.answers.overlap().agrees());
+        motions
+    }
+}
+
 impl Judgement {
     /// Judgement by an overlap and, if that agrees, by the leads along the weakest directions.
     fn new(overlap: Overlap, held: impl FnOnce() -> Vec<(Direction, Lead)>) -> Self {
@@ -197,7 +205,7 @@ impl Scene {
     pub(crate) fn preferred<'a>(&self, source: &Self, motions: &'a [Looked]) -> Option<&'a Looked> {
         motions.iter().reduce(|best, other| {
             let lead = self.lead(source, &other.answers, &best.answers);
-            let is_better = lead.explained > 0.0 && lead.disputed > RIVAL_LEAD.disputed;
+            let is_better = lead.disputed > RIVAL_LEAD.disputed;
             let is_plausible = other.answers.overlap().supported() >= PLAUSIBLE_SUPPORTED;
             if is_plausible && is_better { other } else { best }
         })
@@ -317,6 +325,26 @@ mod tests {
         assert_eq!(best.map(|best| best.motion), Some(shift(5.0)));
         let rival = target.rival(&source, &look(5.0), &[look(5.4), look(2.0)]);
         assert_eq!(rival, None, "the same motion, and one that the scans contradict");
+    }
+
+    #[test]
+    fn of_motions_that_the_scans_hardly_tell_apart_the_first_is_kept() {
+        let (target, source) = scenes();
+        let both = [5.0, 5.05].map(|x_m| target.look(&source, shift(x_m)));
+        let turned = [both[1].clone(), both[0].clone()];
+        for motions in [both, turned] {
+            let kept = target.preferred(&source, &motions).map(|kept| kept.motion);
+            assert_eq!(kept, Some(motions[0].motion));
+        }
+    }
+
+    #[test]
+    fn motions_that_the_scans_agree_with_come_first_in_their_order() {
+        let (target, source) = scenes();
+        let looked = [-3.0, 5.0, 4.0, 5.01].map(|x_m| target.look(&source, shift(x_m)));
+        let first = Looked::agreeing_first(looked.into());
+        let first: Vec<f64> = first.iter().map(|looked| looked.motion.translation.x).collect();
+        assert_eq!(first, [5.0, 5.01, -3.0, 4.0]);
     }
 
     #[test]
