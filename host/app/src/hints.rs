@@ -39,14 +39,15 @@ const RING_RAD: f64 = 0.005;
 /// Least standard deviation across a ring, rad: directions of a narrow view are in a plane, too.
 const ROUND_RAD: f64 = 0.2;
 
-/// Hints for target and source, one line each; none for two ordinary clouds.
-pub(super) fn hints(clouds: [(&Path, &Cloud); 2]) -> Vec<String> {
+/// Hints for target and source, which were read with some `--scale`, one line each; none for two
+/// ordinary clouds.
+pub(super) fn hints(clouds: [(&Path, &Cloud); 2], scales: [f64; 2]) -> Vec<String> {
     let radii_m = clouds.map(|(_, cloud)| radius_m(cloud));
     let names = clouds.map(|(path, _)| path.display().to_string());
     let shape = |i: usize| shape(&names[i], clouds[i].1, radii_m[i]);
     let mut hints: Vec<String> = [0, 1].into_iter().filter_map(shape).collect();
     if clouds.iter().all(|(_, cloud)| cloud.points.len() >= LEAST_POINTS) {
-        let unit = unit(&names, radii_m);
+        let unit = unit(&names, radii_m, scales);
         let sparse = |i: usize| sparse(&names[i], clouds[i].1).filter(|_| unit.is_none());
         hints.extend([0, 1].into_iter().filter_map(sparse));
         hints.extend(unit);
@@ -103,7 +104,7 @@ fn spread(points: impl ExactSizeIterator<Item = Vector3<f64>> + Clone) -> [f64; 
 }
 
 /// Two clouds that differ in size as units do, or one of a size that no scene has.
-fn unit(names: &[String; 2], radii_m: [f64; 2]) -> Option<String> {
+fn unit(names: &[String; 2], radii_m: [f64; 2], mut scales: [f64; 2]) -> Option<String> {
     let larger = usize::from(radii_m[1] > radii_m[0]);
     let [large, small] = [larger, 1 - larger].map(|cloud| (&names[cloud], radii_m[cloud]));
     let ratio = large.1 / small.1;
@@ -111,9 +112,11 @@ fn unit(names: &[String; 2], radii_m: [f64; 2]) -> Option<String> {
         (ratio * scale).max(1.0 / (ratio * scale)) < *most && small.1 >= LEAST_RADIUS_M
     };
     if let Some((unit, scale, _)) = UNITS.iter().find(is_near) {
-        let scales = if larger == 0 { format!("{scale},1") } else { format!("1,{scale}") };
+        scales[larger] *= scale;
+        let [target, source] = scales.map(|scale| (scale * 1e9).round() / 1e9);
         return Some(format!(
-            "{} is {ratio:.1} times as large as {}: if it is in {unit}, give --scale {scales}",
+            "{} is {ratio:.1} times as large as {}: if it is in {unit}, give --scale \
+             {target},{source}",
             large.0, small.0
         ));
     }
@@ -154,7 +157,11 @@ mod tests {
     }
 
     fn hinted(target: &Cloud, source: &Cloud) -> String {
-        hints([(Path::new("a.ply"), target), (Path::new("b.ply"), source)]).join("\n")
+        hinted_as(target, source, [1.0; 2])
+    }
+
+    fn hinted_as(target: &Cloud, source: &Cloud, scales: [f64; 2]) -> String {
+        hints([(Path::new("a.ply"), target), (Path::new("b.ply"), source)], scales).join("\n")
     }
 
     #[test]
@@ -189,6 +196,9 @@ mod tests {
             assert!(second.starts_with("b.ply is "), "{second}");
             assert!(second.ends_with(&format!("--scale 1,{scale}")), "{second}");
         }
+        // Both are in millimetres, and one was read so.
+        let again = hinted_as(&metres, &room(2500, 1e3), [0.001, 1.0]);
+        assert!(again.contains("in millimetres") && again.ends_with("0.001,0.001"), "{again}");
         let both = hinted(&room(3000, 1e3), &room(3000, 1e3));
         assert!(both.contains("of a.ply lie within") && both.contains("--scale"), "{both}");
         let tiny = hinted(&metres, &room(3000, 1e-3));

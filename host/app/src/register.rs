@@ -82,19 +82,27 @@ pub(crate) struct RegisterArgs {
     settings: MethodFlags,
 }
 
+impl RegisterArgs {
+    /// Metres per unit of target and source.
+    fn scales(&self) -> [f64; 2] {
+        let last = self.scale.last();
+        [0, 1].map(|cloud| self.scale.get(cloud).or(last).copied().unwrap_or(1.0))
+    }
+}
+
 pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
     let args = &with_run(args.clone())?;
     check(args)?;
     let at = |path: &PathBuf| CloudOutput::at(path, args.format);
     let output = args.output.as_ref().map(at).transpose()?;
-    let scale = |cloud: usize| args.scale.get(cloud).or(args.scale.last()).copied().unwrap_or(1.0);
+    let [target_scale, source_scale] = args.scales();
     let mut target = read(args, &args.target, read_points)?;
     let mut source = match output {
         Some(_) => read(args, &args.source, read_recorded)?,
         None => read(args, &args.source, read_points)?,
     };
-    target.scale(scale(0));
-    source.scale(scale(1));
+    target.scale(target_scale);
+    source.scale(source_scale);
     if (source.shift_m - target.shift_m).amax() <= SAME_FRAME_M {
         source.shift_by(target.shift_m);
     }
@@ -204,7 +212,7 @@ fn not_registered(
     [target, source]: [&Cloud; 2],
 ) -> Failure {
     let written = if args.output.is_some() { "; nothing is written" } else { "" };
-    let hints = hints([(&args.target, target), (&args.source, source)]);
+    let hints = hints([(&args.target, target), (&args.source, source)], args.scales());
     let hints: String = hints.iter().map(|hint| format!("\nhint: {hint}")).collect();
     Failure::run(format!("not registered: {}{written}{hints}", outcome.stop))
 }
@@ -379,7 +387,7 @@ fn open_line(open: &OpenDirection) -> String {
 
 fn overlap(outcome: &Outcome) -> Option<String> {
     outcome.overlap.map(|overlap| {
-        let lead = outcome.lead.map(|lead| format!("; leads what is beside it by {lead:.1} sd"));
+        let lead = outcome.lead.map(|lead| format!("; leads neighbouring motions by {lead:.1} sd"));
         format!(
             "{:.1} % of the points that the other cloud knows lie on it ({:.0} % of all are \
              known){}\n",
