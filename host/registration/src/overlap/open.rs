@@ -32,12 +32,9 @@ const LEAST_COSINE: f64 = 0.7;
 /// open. In tunnels, on highways and in fields the least is below 0.001 in 9 of 10 scans.
 pub(super) const WEAK: f64 = 0.002;
 
-/// Number of the weakest directions that are asked about, besides the weakest shift: where several
-/// are weak, errors mix them, and a tunnel's axis is in none.
+/// Number of further directions that are asked about, besides the weakest shift. Where several are
+/// weak, noise mixes the eigenvectors, and none of them is the tunnel's axis.
 const DIRECTIONS: usize = 2;
-
-/// Least cosine between two ways of the same direction.
-const SAME_COSINE: f64 = 0.9;
 
 /// Largest distance of a point from the plane that it is fitted to, over the unit.
 const FITTED_UNITS: f64 = 0.3;
@@ -92,8 +89,8 @@ impl Direction {
         self.centred.step(&(self.way * by_m)).motion * motion
     }
 
-    /// A motion, slid by a mean displacement, m, and if the direction may be open fitted to the
-    /// surface in all others: one of a few degrees beside a tunnel's axis meets its walls.
+    /// A motion, slid by a mean displacement, m. If the direction may be open, it is then fitted to
+    /// the surface without sliding back: a few degrees beside a tunnel's axis it runs into a wall.
     pub(super) fn fitted(&self, target: &Scene, source: &Scene, motion: &Pose, by_m: f64) -> Pose {
         let slid = self.slid(motion, by_m);
         match self.share < WEAK {
@@ -126,18 +123,19 @@ impl Direction {
 }
 
 impl Scene {
-    /// The motion, slid both ways along the weakest direction if that may be open.
+    /// The motion, slid both ways along the first of the weakest directions that may be open.
     pub(crate) fn slides(&self, source: &Self, motion: &Pose) -> Vec<Pose> {
-        let weakest = self.weakest_directions(source, motion).into_iter().next();
+        let weakest = self.weakest_directions(source, motion);
+        let open = weakest.into_iter().find(|direction| direction.share < WEAK);
         let unit_m = f64::from(self.unit_m());
         let both = |direction: Direction| {
             let slides = SEARCHED_SLIDES.into_iter().flat_map(|units| [units, -units]);
             slides.map(move |units| direction.slid(motion, units * unit_m))
         };
-        weakest.filter(|direction| direction.share < WEAK).into_iter().flat_map(both).collect()
+        open.into_iter().flat_map(both).collect()
     }
 
-    /// The shift and the directions of least information, weakest first of these; none if too few
+    /// The shift of least information, then further directions, weakest first; none if too few
     /// points have partners.
     ///
     /// `I = Σ (j kᵀ + k jᵀ) / 2 pairs`, as of [`crate::Observability`], but with `j` from the
@@ -157,16 +155,18 @@ impl Scene {
         }
         let centred = Centred::new(pairs.len(), &sum, squares);
         let shares = centred.square(&information) / (2 * pairs.len()) as f64;
-        let eigen = shares.symmetric_eigen();
+        let shift = Direction::shift(centred, &shares);
+        // What is left of the information beside the shift, along which it has none.
+        let beside = Matrix6::identity() - shift.way * shift.way.transpose();
+        let eigen = (beside * shares * beside).symmetric_eigen();
         let mut order: Vec<usize> = (0..6).collect();
         order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
         let direction = |i: &usize| {
             let way = eigen.eigenvectors.column(*i).into_owned();
             Direction { centred, way, share: eigen.eigenvalues[*i] }
         };
-        let shift = Direction::shift(centred, &shares);
         let others = order.iter().map(direction);
-        let others = others.filter(|other| other.way.dot(&shift.way).abs() < SAME_COSINE);
+        let others = others.filter(|other| other.way.dot(&shift.way).abs() < 0.5); // not itself
         std::iter::once(shift).chain(others.take(DIRECTIONS)).collect()
     }
 
