@@ -70,7 +70,8 @@ impl Auto {
         if !is_given && !found.iter().any(|other| bench.is_same(&other.motion, &guess)) {
             found.push(bench.look(guess));
         }
-        if !is_given {
+        // A guess that lays nothing on anything says nothing.
+        if !is_given || !found.iter().take(2).any(Looked::touches) {
             found = Looked::agreeing_first(found);
         }
         let finish = Finish::new(target, source, self.config.voxel_m)?;

@@ -562,6 +562,16 @@ fn auto_finds_the_real_pairs_and_the_scans_confirm_them() {
     }
 }
 
+#[test]
+fn auto_keeps_no_guess_that_lays_nothing_on_anything() {
+    let truth = pose([2.0, 1.0, 0.1], [0.0, 0.0, 0.3]);
+    let (target, source) = (seen(&yard(3), &Pose::identity()), seen(&yard(4), &truth));
+    let guess = pose([900.0, 0.0, 0.0], [0.0; 3]);
+    let outcome = auto(&target, &source).register(&target, &source, &guess);
+    assert_eq!(outcome.stop, StopReason::Converged, "{outcome:?}");
+    assert!(translation_error_m(&outcome.target_from_source, &truth) < 0.05, "{outcome:?}");
+}
+
 /// No motion lays one of these scans on another that is of another place.
 #[test]
 fn scans_of_different_places_are_confirmed_by_no_method() {

@@ -29,7 +29,7 @@ const CLEAR_LEAD: Lead = Lead { disputed: 2.0, explained: 6.0 };
 /// A rival fits the scans if its share of support is this, …
 const RIVAL_SUPPORTED: f64 = 0.98;
 
-/// … and is as good if the scans confirm it and the motion leads it by less, …
+/// … and, if the scans confirm it, is as good when the motion leads it by less, …
 const RIVAL_LEAD: Lead = Lead { disputed: 2.0, explained: 2.0 };
 
 /// … or if it is turned, rad, …
@@ -80,6 +80,11 @@ pub(crate) struct Looked {
 }
 
 impl Looked {
+    /// True when some of the points lie on the other scan at the motion.
+    pub(crate) fn touches(&self) -> bool {
+        self.answers.overlap().on >= Overlap::LEAST_ON
+    }
+
     /// Motions, those that the scans agree with first.
     pub(crate) fn agreeing_first(mut motions: Vec<Self>) -> Vec<Self> {
         motions.sort_by_key(|looked| !looked.answers.overlap().agrees());
@@ -220,7 +225,7 @@ impl Scene {
             let turned = of.motion.rotation.angle_to(&other.motion.rotation) > TURNED_RAD;
             let is_alike = turned && overlap.known() >= RIVAL_KNOWN;
             let is_near = disputed < RIVAL_LEAD.disputed && lead < RIVAL_LEAD.explained;
-            // A motion that may slide explains much ground, wherever it lies.
+            // A motion along an open direction fits anywhere, so the rival must be confirmed.
             let is_as_good =
                 fits && (is_alike || is_near) && self.judge_further(source, other).confirms();
             fits.then_some(Rival { target_from_source: other.motion, lead, is_as_good })
@@ -275,11 +280,13 @@ impl Outcome {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
-    use nalgebra::Matrix6;
+    use echoloop_clouds::Cloud;
+    use nalgebra::{Matrix6, Point3};
 
     use super::super::open::tests::{seen, shift};
-    use super::super::tests::scenes;
+    use super::super::tests::{scenes, yard};
     use super::*;
 
     #[test]
@@ -325,6 +332,22 @@ mod tests {
         assert_eq!(best.map(|best| best.motion), Some(shift(5.0)));
         let rival = target.rival(&source, &look(5.0), &[look(5.4), look(2.0)]);
         assert_eq!(rival, None, "the same motion, and one that the scans contradict");
+    }
+
+    #[test]
+    fn two_maps_are_judged_by_what_lies_on_what() {
+        // A yard from three places in it, about an origin outside of it.
+        let map = |y_m: f32| {
+            let seen = |x_m: f32| {
+                let points = yard(x_m).points.into_iter();
+                points.map(move |p| Point3::new(p.x + x_m, p.y + y_m, p.z))
+            };
+            Scene::new(&Cloud::new([-9.0, 0.0, 9.0].into_iter().flat_map(seen).collect()), 0.8)
+        };
+        let (target, source) = (map(60.0).unwrap(), map(80.0).unwrap());
+        assert!(!target.sight.is_scan() && !source.sight.is_scan());
+        let at = |x_m: f64| target.judge(&source, &Pose::translation(x_m, -20.0, 0.0));
+        assert!(at(0.0).confirms() && !at(3.0).confirms(), "{:?} {:?}", at(0.0), at(3.0));
     }
 
     #[test]
@@ -378,13 +401,13 @@ mod tests {
     #[test]
     fn a_cloud_whose_points_hide_each_other_is_judged_by_its_surface() {
         // A map of two places 30 m apart, about an origin where no sensor stood.
-        let (near, far) = (super::super::tests::yard(0.0), super::super::tests::yard(5.0));
-        let moved = |cloud: &echoloop_clouds::Cloud, x_m: f32| {
-            let at = |p: &nalgebra::Point3<f32>| p + nalgebra::Vector3::new(x_m, 80.0, 0.0);
+        let (near, far) = (yard(0.0), yard(5.0));
+        let moved = |cloud: &Cloud, x_m: f32| {
+            let at = |p: &Point3<f32>| p + nalgebra::Vector3::new(x_m, 80.0, 0.0);
             cloud.points.iter().map(at).collect::<Vec<_>>()
         };
         let map = [moved(&near, 0.0), moved(&far, 5.0), moved(&near, 45.0)].concat();
-        let map = Scene::new(&echoloop_clouds::Cloud::new(map), 0.8);
+        let map = Scene::new(&Cloud::new(map), 0.8);
         let scan = Scene::new(&far, 0.8);
         let (Ok(map), Ok(scan)) = (map, scan) else { panic!("both have points") };
         let right = Pose::translation(5.0, 80.0, 0.0);

@@ -47,12 +47,12 @@ const NORMAL_NEIGHBOURS: usize = 12;
 /// Resolution of the range image, degrees.
 const DIRECTION_DEG: f32 = 2.5;
 
-/// A point is precise if so many standard deviations of its range are within the distance at which
-/// points lie on a plane.
+/// Standard deviations of a point's range within which it lies. A point is precise if they are no
+/// more than the distance within which a point lies on a plane.
 const RANGE_SDS: f32 = 3.0;
 
-/// Least number of precise points: of a sensor that has fewer all are asked about.
-const LEAST_PRECISE: usize = 100;
+/// If a smaller share of a cloud's points than this is precise, all of its points are used.
+const LEAST_PRECISE: f64 = 0.03;
 
 /// Voxel of outdoor scans, m: lengths that do not depend on the voxel are shares of 1 m there, and
 /// smaller in smaller scenes.
@@ -131,21 +131,22 @@ impl Overlap {
 
 impl Scene {
     /// Thins a scan to `voxel_m`, and works out its surface. The sensor is at the origin. Points
-    /// whose range it reports to be imprecise are left out.
+    /// whose range it reports to be imprecise are no surface, and are not asked about.
     ///
     /// # Errors
     ///
     /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
     pub fn new(cloud: &Cloud, voxel_m: f64) -> Result<Self, PrepareError> {
         let unit_m = unit_m(voxel_m as f32);
-        let precise = precise(cloud, unit_m);
+        let sight = Sight::new(cloud, unit_m);
+        let image = RangeImage::new(&cloud.points, DIRECTION_DEG);
+        let precise = precise(cloud, unit_m, sight.is_scan());
         let cloud = precise.as_ref().unwrap_or(cloud);
         let points = thinned(cloud, voxel_m, Convention::Sensor)?.points;
         let planes = normals::planes(&points, NORMAL_VOXELS * voxel_m, NORMAL_NEIGHBOURS);
-        let (tree, image) = (KdTree::new(&points), RangeImage::new(&cloud.points, DIRECTION_DEG));
+        let tree = KdTree::new(&points);
         let voxel_m = voxel_m as f32;
         let echoes = cloud.points.iter().filter(|p| is_finite(p) && p.coords != Vector3::zeros());
-        let sight = Sight::new(&cloud.points, unit_m);
         Ok(Self {
             normals: planes.iter().map(|plane| plane.normal).collect(),
             tilts_rad2: planes
@@ -171,18 +172,19 @@ fn unit_m(voxel_m: f32) -> f32 {
     (voxel_m / OUTDOOR_VOXEL_M).min(1.0)
 }
 
-/// The points of a cloud whose range is so precise that they can lie on or off a plane. None if the
-/// sensor reports no precision, or that of too few points.
+/// The points precise enough to tell whether they lie on a plane. None if the cloud has no
+/// `range_sd`, or too few such points.
 ///
 /// Errors of saturated echoes are the same in both scans, which then agree that nothing moved.
-fn precise(cloud: &Cloud, unit_m: f32) -> Option<Cloud> {
+fn precise(cloud: &Cloud, unit_m: f32, is_scan: bool) -> Option<Cloud> {
     let sds_m = cloud.range_sd_m.as_ref()?;
     let is_precise = |(point, sd_m): &(&Point3<f32>, &f32)| {
-        RANGE_SDS * **sd_m <= probes::on_m(unit_m, point.coords.norm())
+        RANGE_SDS * **sd_m <= probes::on_m(unit_m, probes::range_m(point, unit_m, is_scan))
     };
     let points = cloud.points.iter().zip(sds_m).filter(is_precise).map(|(point, _)| *point);
     let points: Vec<Point3<f32>> = points.collect();
-    (points.len() >= LEAST_PRECISE).then(|| Cloud::new(points))
+    let is_enough = points.len() as f64 >= LEAST_PRECISE * cloud.points.len() as f64;
+    (is_enough && !points.is_empty()).then(|| Cloud::new(points))
 }
 
 #[cfg(test)]

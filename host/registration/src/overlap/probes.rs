@@ -44,6 +44,10 @@ const MAP_RANGE_UNITS: f32 = 15.0;
 /// Weight of a point on a surface, over one that is contradicted: ground lies on any ground.
 const ON_WEIGHT: f64 = 0.2;
 
+/// Two clouds without a sensor contradict nothing: the lead by all probes over this stands for that
+/// by the disputed ones.
+const BLIND: f64 = 7.0;
+
 /// Evidence of one scan for the place of a point of the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
@@ -76,7 +80,8 @@ pub(super) struct Answers {
 /// the differences summed by cluster.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Lead {
-    /// By the probes that lie on a surface at one motion and are contradicted at the other.
+    /// By the probes that lie on a surface at one motion and are contradicted at the other. Of two
+    /// clouds without a sensor, a share of the other lead.
     pub(super) disputed: f64,
     /// By all probes; those on a surface count [`ON_WEIGHT`], the contradicted -1.
     pub(super) explained: f64,
@@ -98,7 +103,7 @@ pub(super) fn probes(
     let mut clusters = HashMap::new();
     let stride = apart.len().div_ceil(MOST_PROBES).max(1);
     let numbered = apart.into_iter().step_by(stride).map(|at| {
-        let range_m = if is_scan { at.coords.norm() } else { MAP_RANGE_UNITS * unit_m };
+        let range_m = range_m(&at, unit_m, is_scan);
         let least_m = CLUSTER[0] * unit_m;
         let doublings = (CLUSTER[1] * range_m / least_m).max(1.0).log2().floor() as i32;
         let next = clusters.len() as u32;
@@ -129,7 +134,7 @@ impl Scene {
     fn verdict(&self, at: &Point3<f32>) -> Verdict {
         let unit_m = self.unit_m();
         let is_scan = self.sight.is_scan();
-        let range_m = if is_scan { at.coords.norm() } else { MAP_RANGE_UNITS * unit_m };
+        let range_m = range_m(at, unit_m, is_scan);
         if is_scan && range_m < near_m(unit_m) {
             return Verdict::Unknown;
         }
@@ -146,7 +151,7 @@ impl Scene {
                     return Verdict::On;
                 }
                 off_m = across_m / (normal.dot(&at.coords) / range_m).abs();
-                // Beside a wall a beam meets its plane far from the points that tell of it.
+                // A beam nearly along a wall meets its plane far from the points measured on it.
                 if off_m > self.reach_m(at) {
                     off_m = 0.0;
                 }
@@ -189,7 +194,8 @@ impl Scene {
             let (sum, squares) = nets.iter().fold((0.0, 0.0), sum);
             sum / (squares + 1.0).sqrt()
         });
-        Lead { disputed, explained }
+        let is_blind = !self.sight.is_scan() && !source.sight.is_scan();
+        Lead { disputed: if is_blind { explained / BLIND } else { disputed }, explained }
     }
 }
 
@@ -235,6 +241,11 @@ fn net(probes: &[Probe], here: &[Verdict], there: &[Verdict]) -> Vec<[f64; 2]> {
 
 fn first(probes: &[Probe], most: usize) -> &[Probe] {
     &probes[..most.min(probes.len())]
+}
+
+/// Range of a point, m; in a cloud without a sensor at its origin that of all.
+pub(super) fn range_m(at: &Point3<f32>, unit_m: f32, is_scan: bool) -> f32 {
+    if is_scan { at.coords.norm() } else { MAP_RANGE_UNITS * unit_m }
 }
 
 /// Distance within which a point of some range lies on a plane that is well known.

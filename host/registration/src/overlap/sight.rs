@@ -1,8 +1,9 @@
 //! Ranges that a sensor saw in each direction.
 
-use echoloop_clouds::is_finite;
-use nalgebra::Point3;
+use echoloop_clouds::{Cloud, is_finite};
+use nalgebra::{Point3, Vector3};
 
+use super::RANGE_SDS;
 use super::cells::{Cells, direction};
 
 /// Resolution at which the area seen is measured, and the coarsest of a [`Sight`], degrees.
@@ -39,14 +40,18 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// The ranges that a sensor at the origin saw, if there was one.
-    pub(super) fn new(points: &[Point3<f32>], unit_m: f32) -> Self {
-        let seen: Vec<([f32; 2], f32)> = points
+    /// The ranges that a sensor at the origin saw, if there was one, each within three of the
+    /// standard deviations that it reports.
+    pub(super) fn new(cloud: &Cloud, unit_m: f32) -> Self {
+        let sds_m = cloud.range_sd_m.as_deref().unwrap_or_default();
+        let sds_m = sds_m.iter().copied().chain(std::iter::repeat(0.0));
+        let (seen, errors_m): (Vec<([f32; 2], f32)>, Vec<f32>) = cloud
+            .points
             .iter()
-            .filter(|p| is_finite(p))
-            .map(|p| (direction(p), p.coords.norm()))
-            .filter(|(_, range_m)| *range_m > 0.0)
-            .collect();
+            .zip(sds_m)
+            .filter(|(p, _)| is_finite(p) && p.coords != Vector3::zeros())
+            .map(|(p, sd_m)| ((direction(p), p.coords.norm()), RANGE_SDS * sd_m))
+            .unzip();
         let cells = Cells::within(step_rad(&seen));
         let mut sight = Self { cells, bounds_m: vec![None; cells.len()], is_scan: true };
         for (direction, range_m) in &seen {
@@ -58,6 +63,11 @@ impl Sight {
         let hidden =
             looked_at.clone().filter(|(d, range_m)| sight.is_hidden(d, *range_m, unit_m)).count();
         sight.is_scan = hidden as f64 <= MOST_HIDDEN * looked_at.count() as f64;
+        for ((direction, range_m), error_m) in seen.iter().zip(errors_m) {
+            let at = cells.at(direction);
+            let within_m = Some([range_m - error_m, range_m + error_m]);
+            sight.bounds_m[at] = merged(sight.bounds_m[at], within_m);
+        }
         sight.bounds_m = (0..cells.len()).map(|at| sight.around_m(at)).collect();
         sight
     }
@@ -163,11 +173,25 @@ mod tests {
         (0..21 * 21).map(at).collect()
     }
 
+    fn seen(points: Vec<Point3<f32>>) -> Sight {
+        Sight::new(&Cloud::new(points), 1.0)
+    }
+
+    #[test]
+    fn an_imprecise_echo_opens_no_space_in_front_of_its_error() {
+        let mut points = shell(10.0);
+        points.push(Point3::new(4.0, 0.0, 0.0));
+        let mut sds_m = vec![0.0; points.len()];
+        sds_m[points.len() - 1] = 0.5;
+        let sight = Sight::new(&Cloud { range_sd_m: Some(sds_m), ..Cloud::new(points) }, 1.0);
+        assert_eq!(sight.bounds_m(&Point3::new(1.0, 0.0, 0.0)), Some([2.5, 10.0]));
+    }
+
     #[test]
     fn a_direction_knows_the_ranges_around_it() {
         let mut points = shell(10.0);
         points.push(Point3::new(4.0, 0.0, 0.0));
-        let sight = Sight::new(&points, 1.0);
+        let sight = seen(points);
         assert_eq!(sight.bounds_m(&Point3::new(1.0, 0.0, 0.0)), Some([4.0, 10.0]));
         let aside = Point3::new(1.0, 0.1, 0.0);
         assert!(sight.bounds_m(&aside).is_some_and(|[nearest_m, _]| nearest_m > 9.9));
@@ -177,19 +201,19 @@ mod tests {
 
     #[test]
     fn points_behind_others_are_not_of_a_sensor_at_the_origin() {
-        assert!(Sight::new(&shell(10.0), 1.0).is_scan());
+        assert!(seen(shell(10.0)).is_scan());
         // A wall, and one twice as far away behind it.
-        let both = Sight::new(&[shell(10.0), shell(20.0)].concat(), 1.0);
+        let both = seen([shell(10.0), shell(20.0)].concat());
         assert!(!both.is_scan());
         assert_eq!(both.bounds_m(&Point3::new(1.0, 0.0, 0.0)), None);
     }
 
     #[test]
     fn the_edge_of_the_view_and_what_is_beyond_know_nothing() {
-        let sight = Sight::new(&shell(10.0), 1.0);
+        let sight = seen(shell(10.0));
         let at = |deg: f32| Point3::new(deg.to_radians().cos(), 0.0, deg.to_radians().sin());
         assert_eq!(sight.bounds_m(&at(10.0)), None, "nothing above bounds the last row");
         assert_eq!(sight.bounds_m(&at(45.0)), None);
-        assert!(Sight::new(&[], 1.0).bounds_m(&at(0.0)).is_none());
+        assert!(seen(Vec::new()).bounds_m(&at(0.0)).is_none());
     }
 }
