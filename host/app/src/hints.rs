@@ -105,6 +105,19 @@ fn spread(points: impl ExactSizeIterator<Item = Vector3<f64>> + Clone) -> [f64; 
 
 /// Two clouds that differ in size as units do, or one of a size that no scene has.
 fn unit(names: &[String; 2], radii_m: [f64; 2], mut scales: [f64; 2]) -> Option<String> {
+    let undone = |i: &usize| {
+        let radius_m = radii_m[*i] / scales[*i];
+        let ratio = radius_m / radii_m[1 - i];
+        let is_scene = (LEAST_RADIUS_M..=MOST_RADIUS_M).contains(&radius_m);
+        scales[*i] != 1.0 && is_scene && ratio.max(1.0 / ratio) < UNITS[0].2
+    };
+    if let Some(i) = [0, 1].iter().find(|i| undone(i)) {
+        let (scale, other) = (std::mem::replace(&mut scales[*i], 1.0), 1 - i);
+        return Some(format!(
+            "without its --scale of {scale}, {} would be as large as {}: give --scale {},{}",
+            names[*i], names[other], scales[0], scales[1]
+        ));
+    }
     let larger = usize::from(radii_m[1] > radii_m[0]);
     let [large, small] = [larger, 1 - larger].map(|cloud| (&names[cloud], radii_m[cloud]));
     let ratio = large.1 / small.1;
@@ -120,16 +133,20 @@ fn unit(names: &[String; 2], radii_m: [f64; 2], mut scales: [f64; 2]) -> Option<
             large.0, small.0
         ));
     }
-    let (name, radius_m, example) = match () {
-        () if large.1 > MOST_RADIUS_M => (large.0, large.1, "0.001 for millimetres"),
-        () if small.1 < LEAST_RADIUS_M => (small.0, small.1, "1000 for kilometres"),
+    let (cloud, example) = match () {
+        () if large.1 > MOST_RADIUS_M => (larger, "0.001 for millimetres"),
+        () if small.1 < LEAST_RADIUS_M => (1 - larger, "1000 for kilometres"),
         () => return None,
+    };
+    let (name, radius_m) = (&names[cloud], radii_m[cloud]);
+    let cure = match scales[cloud] {
+        1.0 => format!("give --scale, as {example}"),
+        scale => format!("give another --scale than {scale}"),
     };
     let digits = if radius_m < 1.0 { 3 } else { 0 };
     Some(format!(
         "9 of 10 points of {name} lie within {radius_m:.digits$} m of their middle, expected \
-         {LEAST_RADIUS_M} to {MOST_RADIUS_M} m: if they are not in metres, give --scale, as \
-         {example}"
+         {LEAST_RADIUS_M} to {MOST_RADIUS_M} m: if they are not in metres, {cure}"
     ))
 }
 
@@ -199,6 +216,11 @@ mod tests {
         // Both are in millimetres, and one was read so.
         let again = hinted_as(&metres, &room(2500, 1e3), [0.001, 1.0]);
         assert!(again.contains("in millimetres") && again.ends_with("0.001,0.001"), "{again}");
+        // One of two in metres was read as millimetres, and both were.
+        let undone = hinted_as(&metres, &room(2500, 1e-3), [1.0, 0.001]);
+        assert!(undone.ends_with("as large as a.ply: give --scale 1,1"), "{undone}");
+        let wrong = hinted_as(&room(3000, 1e-3), &room(2500, 1e-3), [0.001; 2]);
+        assert!(wrong.ends_with("give another --scale than 0.001"), "{wrong}");
         let both = hinted(&room(3000, 1e3), &room(3000, 1e3));
         assert!(both.contains("of a.ply lie within") && both.contains("--scale"), "{both}");
         let tiny = hinted(&metres, &room(3000, 1e-3));
