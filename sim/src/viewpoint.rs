@@ -26,8 +26,11 @@ const STRUCTURE_M: f32 = 60.0;
 const STRUCTURE_SHARE: f64 = 0.3;
 /// Largest distance of a sensor from the middle of its lane, metres.
 const MAX_LANE_OFFSET_M: f64 = 0.5;
-/// Candidates tried per pair before giving up.
+/// Candidates within the split's part of the place that are tried per pair before giving up.
 const ATTEMPTS_A_PAIR: usize = 2000;
+/// Candidates drawn one after the other outside that part before giving up. Of pairs 40 m apart one
+/// in some thousand has both ends in parts for training, and a draw takes no ray.
+const MOST_STRAYED: usize = 1_000_000;
 
 /// Plan of the pairs to sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -176,14 +179,19 @@ pub fn sample_pairs_between<T>(
     // number of the other.
     let search = PairSearch::new(scene, caster, plan, 100 + plan.split as u64);
     let mut search = PairSearch { later, ..search };
-    let (mut pairs, mut attempts) = (Vec::new(), 0);
-    while pairs.len() < plan.count && attempts < plan.max_attempts(pairs.len()) {
+    let (mut pairs, mut attempts, mut strayed) = (Vec::new(), 0, 0);
+    while pairs.len() < plan.count
+        && attempts - search.rejected.territory < plan.max_attempts(pairs.len())
+        && strayed < MOST_STRAYED
+    {
+        let outside = search.rejected.territory;
         if let Some(pair) = search.try_candidate(pairs.len()) {
             let accepted = accept(pair);
             search.rejected.unwanted += usize::from(accepted.is_none());
             pairs.extend(accepted);
         }
         attempts += 1;
+        strayed = if search.rejected.territory > outside { strayed + 1 } else { 0 };
         progress(pairs.len(), attempts);
     }
     if pairs.len() < plan.count {
@@ -199,8 +207,8 @@ pub fn sample_pairs_between<T>(
 }
 
 impl PairPlan {
-    /// Candidates tried at most once `found` pairs exist: the budget of all pairs, or of ten more
-    /// where that is less.
+    /// Candidates tried at most within the split's part of the place once `found` pairs exist: the
+    /// budget of all pairs, or of ten more where that is less.
     fn max_attempts(&self, found: usize) -> usize {
         self.count.min(found + 10) * ATTEMPTS_A_PAIR
     }

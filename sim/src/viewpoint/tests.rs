@@ -74,6 +74,20 @@ fn the_second_pose_is_a_baseline_away_and_turned_within_the_plan() {
     }
 }
 
+/// A part for training has room for 24 m; farther pairs go from one part to the next.
+#[test]
+fn either_part_of_a_town_has_pairs_far_apart() {
+    for (kind, baseline_m) in SceneKind::ALL.into_iter().zip([25.0, 40.0, 40.0]) {
+        let scene = generate(kind, 1001);
+        let caster = Raycaster::new(&scene);
+        for split in [Split::Train, Split::Test] {
+            let plan = PairPlan { count: 2, baseline_m, split, ..PairPlan::default() };
+            let pairs = sample_pairs(&scene, &caster, &plan);
+            assert_eq!(pairs.map(|pairs| pairs.len()), Ok(2), "{kind} {split:?}");
+        }
+    }
+}
+
 #[test]
 fn training_and_test_viewpoints_are_ten_metres_apart() {
     for kind in SceneKind::ALL {
