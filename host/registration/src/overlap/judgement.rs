@@ -23,6 +23,11 @@ const LEAST_LEAD: Lead = Lead { disputed: 1.0, explained: 3.5 };
 const FEW_ON: usize = 1_500;
 const FEW_DISPUTED: f64 = 0.7;
 
+/// The same where more points than this do: of so many, two stray ones dispute as much as the bound
+/// of fewer.
+const MANY_ON: usize = 5_000;
+const MANY_DISPUTED: f64 = 2.0;
+
 /// A lead at which a first look is enough.
 const CLEAR_LEAD: Lead = Lead { disputed: 2.0, explained: 6.0 };
 
@@ -125,9 +130,10 @@ impl Judgement {
 
 /// Least lead of a motion over those that it slides to.
 fn least(overlap: &Overlap) -> Lead {
-    match overlap.on < FEW_ON {
-        true => Lead { disputed: FEW_DISPUTED, ..LEAST_LEAD },
-        false => LEAST_LEAD,
+    match overlap.on {
+        ..FEW_ON => Lead { disputed: FEW_DISPUTED, ..LEAST_LEAD },
+        FEW_ON..MANY_ON => LEAST_LEAD,
+        MANY_ON.. => Lead { disputed: MANY_DISPUTED, ..LEAST_LEAD },
     }
 }
 
@@ -317,6 +323,7 @@ mod tests {
             Judgement::new(overlap, held).confirms()
         };
         assert!(judged(1_500, 1.0, 3.5) && judged(1_499, 0.7, 3.5));
+        assert!(judged(4_999, 1.0, 3.5) && judged(5_000, 2.0, 3.5) && !judged(5_000, 1.9, 3.5));
         assert!(!judged(1_500, 1.0, 3.4) && !judged(1_499, 0.7, 3.4));
         assert!(!judged(1_500, 0.9, 3.5) && !judged(1_499, 0.6, 3.5));
         let none = Overlap { on: 1_500, covered: 0.5, ..Overlap::default() };
