@@ -105,32 +105,32 @@ fn spread(points: impl ExactSizeIterator<Item = Vector3<f64>> + Clone) -> [f64; 
 
 /// Two clouds that differ in size as units do, or one of a size that no scene has.
 fn unit(names: &[String; 2], radii_m: [f64; 2], mut scales: [f64; 2]) -> Option<String> {
-    let undone = |i: &usize| {
+    let is_needless = |i: &usize| {
         let radius_m = radii_m[*i] / scales[*i];
-        let ratio = radius_m / radii_m[1 - i];
         let is_scene = (LEAST_RADIUS_M..=MOST_RADIUS_M).contains(&radius_m);
-        scales[*i] != 1.0 && is_scene && ratio.max(1.0 / ratio) < UNITS[0].2
+        scales[*i] != 1.0 && is_scene && is_about(radius_m / radii_m[1 - i], UNITS[0].2)
     };
-    if let Some(i) = [0, 1].iter().find(|i| undone(i)) {
-        let (scale, other) = (std::mem::replace(&mut scales[*i], 1.0), 1 - i);
+    if let Some(i) = [0, 1].into_iter().find(is_needless) {
+        let (scale, name, other) = (scales[i], &names[i], &names[1 - i]);
+        scales[i] = 1.0;
         return Some(format!(
-            "without its --scale of {scale}, {} would be as large as {}: give --scale {},{}",
-            names[*i], names[other], scales[0], scales[1]
+            "without its --scale of {scale}, {name} would be as large as {other}: {}",
+            give(scales)
         ));
     }
     let larger = usize::from(radii_m[1] > radii_m[0]);
     let [large, small] = [larger, 1 - larger].map(|cloud| (&names[cloud], radii_m[cloud]));
     let ratio = large.1 / small.1;
     let is_near = |(_, scale, most): &&(&str, f64, f64)| {
-        (ratio * scale).max(1.0 / (ratio * scale)) < *most && small.1 >= LEAST_RADIUS_M
+        is_about(ratio * scale, *most) && small.1 >= LEAST_RADIUS_M
     };
     if let Some((unit, scale, _)) = UNITS.iter().find(is_near) {
         scales[larger] *= scale;
-        let [target, source] = scales.map(|scale| (scale * 1e9).round() / 1e9);
         return Some(format!(
-            "{} is {ratio:.1} times as large as {}: if it is in {unit}, give --scale \
-             {target},{source}",
-            large.0, small.0
+            "{} is {ratio:.1} times as large as {}: if it is in {unit}, {}",
+            large.0,
+            small.0,
+            give(scales)
         ));
     }
     let (cloud, example) = match () {
@@ -148,6 +148,16 @@ fn unit(names: &[String; 2], radii_m: [f64; 2], mut scales: [f64; 2]) -> Option<
         "9 of 10 points of {name} lie within {radius_m:.digits$} m of their middle, expected \
          {LEAST_RADIUS_M} to {MOST_RADIUS_M} m: if they are not in metres, {cure}"
     ))
+}
+
+/// True when a ratio is less than `most` from 1, either way.
+fn is_about(ratio: f64, most: f64) -> bool {
+    ratio.max(1.0 / ratio) < most
+}
+
+fn give(scales: [f64; 2]) -> String {
+    let [target, source] = scales.map(|scale| (scale * 1e9).round() / 1e9);
+    format!("give --scale {target},{source}")
 }
 
 #[cfg(test)]
