@@ -77,6 +77,9 @@ pub struct Rival {
     pub is_as_good: bool,
 }
 
+/// A motion slid both ways along a direction, by each of [`SLIDES`].
+type Slides = [[Pose; 2]; SLIDES.len()];
+
 /// A motion, and the answers of both scans to a first look.
 #[derive(Clone, Debug)]
 pub(crate) struct Looked {
@@ -167,10 +170,12 @@ impl Scene {
     /// The same after a first look.
     pub(crate) fn judge_further(&self, source: &Self, looked: &Looked) -> Judgement {
         let Looked { motion, answers } = looked;
-        let weakest = LazyCell::new(|| self.weakest_directions(source, motion));
+        let weakest = LazyCell::new(|| self.weakest_slides(source, motion));
         let judged = |answers: &Answers, most: usize| {
-            let held = |direction: &Direction| self.held(source, motion, answers, direction, most);
-            Judgement::new(answers.overlap(), || weakest.iter().map(|d| (*d, held(d))).collect())
+            let held = |(direction, slides): &(Direction, Slides)| {
+                (*direction, self.held(source, answers, slides, most))
+            };
+            Judgement::new(answers.overlap(), || weakest.iter().map(held).collect())
         };
         let first = judged(answers, FIRST_LOOK);
         let is_all = self.probes.len().max(source.probes.len()) <= FIRST_LOOK;
@@ -180,24 +185,24 @@ impl Scene {
         }
     }
 
+    /// A motion slid along each of the weakest directions.
+    fn weakest_slides(&self, source: &Self, motion: &Pose) -> Vec<(Direction, Slides)> {
+        let slid = |direction: Direction| {
+            let by = |units: f64| {
+                direction.fitted(self, source, motion, units * f64::from(self.unit_m()))
+            };
+            (direction, SLIDES.map(|units| [by(units), by(-units)]))
+        };
+        self.weakest_directions(source, motion).into_iter().map(slid).collect()
+    }
+
     /// Lead of a motion over the same slid either way along a direction, at the displacement where
     /// that is larger.
-    fn held(
-        &self,
-        source: &Self,
-        motion: &Pose,
-        here: &Answers,
-        direction: &Direction,
-        most: usize,
-    ) -> Lead {
-        let over = |by_m: f64| {
-            let slid = direction.fitted(self, source, motion, by_m);
-            let there = self.answers(source, &slid, most);
-            self.lead(source, here, &there)
-        };
+    fn held(&self, source: &Self, here: &Answers, slides: &Slides, most: usize) -> Lead {
+        let over = |slid: &Pose| self.lead(source, here, &self.answers(source, slid, most));
         let mut held: Option<Lead> = None;
-        for by_m in SLIDES.map(|units| units * f64::from(self.unit_m())) {
-            let either = over(by_m).min(over(-by_m));
+        for [forth, back] in slides {
+            let either = over(forth).min(over(back));
             let larger = held.map_or(either, |held| held.max(either));
             if larger.is_over(CLEAR_LEAD) {
                 return larger;
@@ -226,15 +231,16 @@ impl Scene {
     pub(crate) fn rival(&self, source: &Self, of: &Looked, others: &[Looked]) -> Option<Rival> {
         let rival = |other: &Looked| {
             let overlap = other.answers.overlap();
-            let fits = overlap.agrees() && overlap.supported() >= RIVAL_SUPPORTED;
+            if !overlap.agrees() || overlap.supported() < RIVAL_SUPPORTED {
+                return None;
+            }
             let Lead { disputed, explained: lead } = self.lead(source, &of.answers, &other.answers);
             let turned = of.motion.rotation.angle_to(&other.motion.rotation) > TURNED_RAD;
             let is_alike = turned && overlap.known() >= RIVAL_KNOWN;
             let is_near = disputed < RIVAL_LEAD.disputed && lead < RIVAL_LEAD.explained;
             // A motion along an open direction fits anywhere, so the rival must be confirmed.
-            let is_as_good =
-                fits && (is_alike || is_near) && self.judge_further(source, other).confirms();
-            fits.then_some(Rival { target_from_source: other.motion, lead, is_as_good })
+            let is_as_good = (is_alike || is_near) && self.judge_further(source, other).confirms();
+            Some(Rival { target_from_source: other.motion, lead, is_as_good })
         };
         let others = others.iter().filter(|other| self.is_other(&of.motion, &other.motion));
         others
@@ -394,6 +400,18 @@ mod tests {
             assert!(target.lead(&source, &kept.answers, &off.answers).disputed > 2.0);
             let rival = target.rival(&source, &kept, &[off]);
             assert_eq!(rival.map(|rival| rival.is_as_good), Some(is_as_good), "{z_m} m");
+        }
+    }
+
+    #[test]
+    fn a_motion_is_slid_both_ways_by_one_and_two_metres() {
+        let (target, source) = (seen(0.0, 500.0), seen(2.0, 500.0));
+        let (_, slides) = target.weakest_slides(&source, &shift(2.0))[0];
+        let along_m = slides.map(|either| either.map(|slid| slid.translation.x - 2.0));
+        // Which way is forth, the eigenvector's sign decides.
+        let sign = along_m[0][0].signum();
+        for (found, expected) in along_m.as_flattened().iter().zip([1.0, -1.0, 2.0, -2.0]) {
+            assert!((found - sign * expected).abs() < 0.05, "{along_m:?}");
         }
     }
 

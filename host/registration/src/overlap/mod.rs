@@ -146,7 +146,7 @@ impl Scene {
         let planes = normals::planes(&points, NORMAL_VOXELS * voxel_m, NORMAL_NEIGHBOURS);
         let tree = KdTree::new(&points);
         let voxel_m = voxel_m as f32;
-        let echoes = cloud.points.iter().filter(|p| is_finite(p) && p.coords != Vector3::zeros());
+        let echoes = cloud.points.iter().filter(|p| is_echo(p));
         Ok(Self {
             normals: planes.iter().map(|plane| plane.normal).collect(),
             tilts_rad2: planes
@@ -172,6 +172,11 @@ fn unit_m(voxel_m: f32) -> f32 {
     (voxel_m / OUTDOOR_VOXEL_M).min(1.0)
 }
 
+/// True for a point that has a direction and a range.
+fn is_echo(point: &Point3<f32>) -> bool {
+    is_finite(point) && point.coords.norm() > 0.0
+}
+
 /// The points precise enough to tell whether they lie on a plane. None if the cloud has no
 /// `range_sd`, or too few such points.
 ///
@@ -184,7 +189,7 @@ fn precise(cloud: &Cloud, unit_m: f32, is_scan: bool) -> Option<Cloud> {
     let points = cloud.points.iter().zip(sds_m).filter(is_precise).map(|(point, _)| *point);
     let points: Vec<Point3<f32>> = points.collect();
     let is_enough = points.len() as f64 >= LEAST_PRECISE * cloud.points.len() as f64;
-    (is_enough && !points.is_empty()).then(|| Cloud::new(points))
+    is_enough.then(|| Cloud::new(points))
 }
 
 #[cfg(test)]

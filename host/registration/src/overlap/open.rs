@@ -3,7 +3,8 @@
 //! Eigenvalues of the information alone do not tell a tunnel from a street: in a smooth tube the
 //! errors of normals and ranges make as much of it as a few niches do, and most of all where both
 //! scans stand on the same spot, since a sensor errs alike in both. So they only choose the
-//! directions to ask about; then the motion is slid along, and the scans are asked what is worse.
+//! directions to ask about, besides the weakest shift. Then the motion is slid along each, along a
+//! weak one fitted to the surface, and the scans are asked what is worse.
 
 use nalgebra::{Matrix6, Point3, Vector3, Vector6};
 
@@ -179,12 +180,22 @@ impl Scene {
     /// m; `None` where there is none near.
     fn row(&self, probe: &Probe, motion: &Pose) -> Option<(Vector6<f64>, f64)> {
         let at: Point3<f64> = motion * probe.at.cast::<f64>();
-        let nearest = self.near(&at.cast())?;
-        let normal = self.normals[nearest].cast::<f64>();
-        let off_m = normal.dot(&(at - self.points[nearest].cast::<f64>()));
-        let is_known = normal != Vector3::zeros() && self.tilts_rad2[nearest] < MOST_TILT_RAD2;
+        let (point, normal) = self.plane(&at)?;
+        let off_m = normal.dot(&(at - point));
         let is_near = off_m.abs() <= FITTED_UNITS * f64::from(self.unit_m());
-        (is_known && is_near).then(|| (row(&at.coords, &normal), off_m))
+        is_near.then(|| (row(&at.coords, &normal), off_m))
+    }
+
+    /// A point and the normal of the surface near a place; `None` where it is not well known.
+    fn plane(&self, at: &Point3<f64>) -> Option<(Point3<f64>, Vector3<f64>)> {
+        let nearest = self.near(&at.cast())?;
+        let plane = || (self.points[nearest].cast(), self.normals[nearest].cast());
+        self.is_plane(nearest).then(plane)
+    }
+
+    /// True when the normal of a point of the surface is well known.
+    fn is_plane(&self, point: usize) -> bool {
+        self.normals[point] != Vector3::zeros() && self.tilts_rad2[point] < MOST_TILT_RAD2
     }
 
     /// A probe of the source in the target's frame, the target's normal there and its own, which
@@ -197,11 +208,9 @@ impl Scene {
     ) -> Option<(Vector3<f64>, [Vector3<f64>; 2])> {
         let own = motion.rotation * source.trusted_normal(&probe.at)?.cast::<f64>();
         let at: Point3<f64> = motion * probe.at.cast::<f64>();
-        let nearest = self.near(&at.cast())?;
-        let normal = self.normals[nearest].cast::<f64>();
+        let (_, normal) = self.plane(&at)?;
         let cosine = normal.dot(&own);
-        let is_pair = self.tilts_rad2[nearest] < MOST_TILT_RAD2 && cosine.abs() >= LEAST_COSINE;
-        is_pair.then(|| (at.coords, [normal, own * cosine.signum()]))
+        (cosine.abs() >= LEAST_COSINE).then(|| (at.coords, [normal, own * cosine.signum()]))
     }
 
     /// The normal at one of the scan's points, if the ranges around it are those of such a plane:
@@ -217,8 +226,7 @@ impl Scene {
             Some([nearest_m, farthest_m]) => farthest_m - nearest_m < 3.0 * expected_m,
             None => !self.sight.is_scan(),
         };
-        let is_known = normal != Vector3::zeros() && self.tilts_rad2[nearest] < MOST_TILT_RAD2;
-        (is_level && is_known).then_some(normal)
+        (is_level && self.is_plane(nearest)).then_some(normal)
     }
 
     /// Variance of the tilt of planes, rad², with what their points' errors share.
@@ -298,7 +306,7 @@ pub(super) mod tests {
         assert!(turn_rad == [0.0; 3] && shift_m[0].abs() > 0.999, "{turn_rad:?} {shift_m:?}");
         assert_eq!(directions.len(), 3);
         let cosine = |other: &Direction| other.way.dot(&directions[0].way).abs();
-        assert!(directions[1..].iter().map(cosine).all(|cosine| cosine < 0.9));
+        assert!(directions[1..].iter().map(cosine).all(|cosine| cosine < 1e-9));
     }
 
     #[test]

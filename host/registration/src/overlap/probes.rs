@@ -278,6 +278,14 @@ mod tests {
     }
 
     #[test]
+    fn a_map_has_the_tolerances_of_one_range() {
+        let near_and_far = [20.0, 200.0].map(|x_m| Point3::new(x_m, 0.0, 0.0));
+        assert_eq!(near_and_far.map(|p| range_m(&p, 0.5, true)), [20.0, 200.0]);
+        assert_eq!(near_and_far.map(|p| range_m(&p, 0.5, false)), [7.5; 2]);
+        assert!((on_m(0.5, 200.0) - 0.63).abs() < 1e-6);
+    }
+
+    #[test]
     fn a_scan_answers_for_floor_wall_and_open_space_and_not_near_itself() {
         let (target, _) = scenes();
         // The floor is 2 m below the sensor, a wall 20 m away.

@@ -1,10 +1,10 @@
 //! Ranges that a sensor saw in each direction.
 
-use echoloop_clouds::{Cloud, is_finite};
-use nalgebra::{Point3, Vector3};
+use echoloop_clouds::Cloud;
+use nalgebra::Point3;
 
-use super::RANGE_SDS;
 use super::cells::{Cells, direction};
+use super::{RANGE_SDS, is_echo};
 
 /// Resolution at which the area seen is measured, and the coarsest of a [`Sight`], degrees.
 const COARSE_DEG: f32 = 2.5;
@@ -43,33 +43,30 @@ impl Sight {
     /// The ranges that a sensor at the origin saw, if there was one, each within three of the
     /// standard deviations that it reports.
     pub(super) fn new(cloud: &Cloud, unit_m: f32) -> Self {
-        let sds_m = cloud.range_sd_m.as_deref().unwrap_or_default();
-        let sds_m = sds_m.iter().copied().chain(std::iter::repeat(0.0));
-        let (seen, errors_m): (Vec<([f32; 2], f32)>, Vec<f32>) = cloud
-            .points
-            .iter()
-            .zip(sds_m)
-            .filter(|(p, _)| is_finite(p) && p.coords != Vector3::zeros())
-            .map(|(p, sd_m)| ((direction(p), p.coords.norm()), RANGE_SDS * sd_m))
-            .unzip();
+        let echoes = cloud.points.iter().filter(|p| is_echo(p));
+        let seen: Vec<([f32; 2], f32)> = echoes.map(|p| (direction(p), p.coords.norm())).collect();
         let cells = Cells::within(step_rad(&seen));
         let mut sight = Self { cells, bounds_m: vec![None; cells.len()], is_scan: true };
-        for (direction, range_m) in &seen {
-            let at = cells.at(direction);
-            sight.bounds_m[at] = merged(sight.bounds_m[at], Some([*range_m; 2]));
-        }
+        seen.iter().for_each(|(direction, range_m)| sight.see(direction, [*range_m; 2]));
         let stride = seen.len().div_ceil(LOOKED_AT).max(1);
         let looked_at = seen.iter().step_by(stride);
         let hidden =
             looked_at.clone().filter(|(d, range_m)| sight.is_hidden(d, *range_m, unit_m)).count();
         sight.is_scan = hidden as f64 <= MOST_HIDDEN * looked_at.count() as f64;
-        for ((direction, range_m), error_m) in seen.iter().zip(errors_m) {
-            let at = cells.at(direction);
-            let within_m = Some([range_m - error_m, range_m + error_m]);
-            sight.bounds_m[at] = merged(sight.bounds_m[at], within_m);
+        // Only now: with their errors, points in front of each other would be hidden.
+        for (point, sd_m) in cloud.points.iter().zip(cloud.range_sd_m.iter().flatten()) {
+            if is_echo(point) {
+                let (range_m, error_m) = (point.coords.norm(), RANGE_SDS * sd_m);
+                sight.see(&direction(point), [range_m - error_m, range_m + error_m]);
+            }
         }
         sight.bounds_m = (0..cells.len()).map(|at| sight.around_m(at)).collect();
         sight
+    }
+
+    fn see(&mut self, direction: &[f32; 2], within_m: [f32; 2]) {
+        let at = self.cells.at(direction);
+        self.bounds_m[at] = merged(self.bounds_m[at], Some(within_m));
     }
 
     /// True when the cloud is what a sensor at the origin sees: its points do not hide each other.
