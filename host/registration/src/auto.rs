@@ -1,13 +1,16 @@
 //! Registration without an initial guess: candidates of several scales, checked on both scans.
 
+mod finish;
+
 use echoloop_clouds::{Cloud, Pose};
 use rayon::prelude::*;
 
+use self::finish::Finish;
 use crate::global::matched;
-use crate::overlap::{Looked, Scene, is_within, settled};
+use crate::overlap::{Looked, Scene, is_within};
 use crate::{
-    AutoConfig, FeatureConfig, Gicp, GicpConfig, Icp, IcpConfig, Mac, MacConfig, Outcome,
-    PrepareError, Registration, Source, StopReason, Suggestions, Target,
+    AutoConfig, FeatureConfig, Icp, IcpConfig, Mac, MacConfig, Outcome, Registration, Source,
+    StopReason, Target,
 };
 
 /// Voxels of the features over the finest one. Features at 0.8 m describe a door, at 2.5 m a house;
@@ -27,8 +30,7 @@ const REFINED_ITERATIONS: usize = 30;
 ///    ([`Mac::candidates`]).
 /// 2. A score of each on both scans ([`Scene::score`]); the best, and the guess that was given, are
 ///    refined with ICP.
-/// 3. Of the refined ones the one that both scans prefer; GICP at the clouds' own voxel finishes
-///    it.
+/// 3. Of the refined ones the one that both scans prefer; local methods finish it ([`Finish`]).
 /// 4. What the scans say of it ([`Scene::judge`]). If they do not confirm it, it is slid along the
 ///    direction that they hold least, and what is found there is compared with it.
 /// 5. The best of the other candidates, its rival: one as good makes the motion ambiguous.
@@ -100,30 +102,6 @@ impl Auto {
     }
 }
 
-/// GICP at the clouds' own voxel, from motions whose error is a part of the voxel of the features.
-struct Finish {
-    gicp: Gicp,
-    target: Result<Target, PrepareError>,
-    source: Result<Target, PrepareError>,
-}
-
-impl Finish {
-    fn new(target: &Cloud, source: &Cloud, voxel_m: f64) -> Result<Self, StopReason> {
-        let config = GicpConfig::from(&Suggestions::new(target, source).refinement(voxel_m));
-        let gicp = Gicp::new(config).map_err(|_| StopReason::BadSettings)?;
-        let prepared = |cloud| Target::prepare(cloud, &config);
-        Ok(Self { gicp, target: prepared(target), source: prepared(source) })
-    }
-
-    fn from(&self, start: &Pose) -> Outcome {
-        let [target, source] =
-            [&self.target, &self.source].map(|cloud| cloud.as_ref().map_err(|error| *error));
-        Outcome::of_prepared(target, source, start, |target, source| {
-            self.gicp.align(target, source, start)
-        })
-    }
-}
-
 impl Bench {
     fn new(target: &Cloud, source: &Cloud, voxel_m: f64) -> Result<Self, StopReason> {
         let [first_m, last_m] = REFINED_VOXELS.map(|voxels| voxels * voxel_m);
@@ -183,7 +161,7 @@ impl Bench {
     /// with, that stands; if it went far away, they have to prefer the end.
     fn finished(&self, finish: &Finish, start: &Looked) -> (Outcome, Looked) {
         let unit_m = self.target.unit_m();
-        let finished = settled(finish.from(&start.motion), unit_m, |motion| finish.from(motion));
+        let finished = finish.from(&start.motion, unit_m);
         let end = finished.target_from_source;
         let mut both = [self.look(end), start.clone()];
         if self.target.is_other(&start.motion, &end) {

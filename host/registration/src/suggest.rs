@@ -22,6 +22,9 @@ const FEATURE_VOXEL_M: f64 = 1.2;
 /// Radius of a cloud, m, below which the scales of features shrink with it: a room has no houses.
 const SMALL_RADIUS_M: f64 = 8.0;
 
+/// Voxels of the fits that finish a motion, outdoors, m.
+const FINISH_VOXELS_M: [f64; 3] = [0.3, 0.15, 0.07];
+
 /// Most points with features: more cost time and gain nothing.
 const MOST_POINTS: usize = 30_000;
 
@@ -99,10 +102,27 @@ impl<'a> Suggestions<'a> {
     /// that of [`suggest()`], if smaller. The first pairs are at most as far apart as the error of
     /// the global method, two of its voxels, and at least four voxels of the refinement.
     pub fn refinement(&self, global_voxel_m: f64) -> IcpConfig {
-        let voxel_m = self.icp().voxel_m.min(global_voxel_m);
-        let config = IcpConfig::refinement(voxel_m);
+        self.refined(global_voxel_m, self.icp().voxel_m)
+    }
+
+    fn refined(&self, global_voxel_m: f64, voxel_m: f64) -> IcpConfig {
+        let config = IcpConfig::refinement(voxel_m.min(global_voxel_m));
         let first_m = (2.0 * global_voxel_m).max(config.first_pair_distance_m.unwrap_or_default());
         IcpConfig { first_pair_distance_m: Some(first_m), ..config }
+    }
+
+    /// Settings of three fits that finish a motion found with voxels of `global_voxel_m`, from the
+    /// coarsest. Where ranges are good to millimetres, as in the loop's scans, the finest is the
+    /// best of a dense scan, the coarser ones are of sparse scans; on the pairs that come with other
+    /// projects, good to some centimetres, the other way round.
+    pub(crate) fn finish(&self, global_voxel_m: f64) -> [IcpConfig; 3] {
+        let [coarse_m, middle_m, fine_m] = FINISH_VOXELS_M.map(|m| m * self.share_of_scene());
+        let coarse_m = coarse_m.min(1.5 * self.radius_m() / VOXELS_A_RADIUS);
+        let coarse = self.refined(global_voxel_m, coarse_m);
+        let finer = [middle_m, fine_m].map(|m| IcpConfig::refinement(m.min(coarse.voxel_m)));
+        let fits = [coarse, finer[0], finer[1]];
+        let can_run = fits.iter().all(|config| config.check().is_ok());
+        if can_run { fits } else { FINISH_VOXELS_M.map(IcpConfig::refinement) }
     }
 
     /// Voxel of the clouds for checking a motion, m: that of [`crate::Auto`].
