@@ -2,6 +2,8 @@
 
 mod finish;
 
+use std::cell::OnceCell;
+
 use echoloop_clouds::{Cloud, Pose};
 use rayon::prelude::*;
 
@@ -14,8 +16,12 @@ use crate::{
 };
 
 /// Voxels of the features over the finest one. Features at 0.8 m describe a door, at 2.5 m a house;
-/// sparse scans show only houses.
-const SCALES: [f64; 4] = [1.0, 1.5, 2.25, 3.125];
+/// sparse scans show only houses. Of houses there are few, so they come first and by themselves.
+const FINER_SCALES: [f64; 3] = [1.0, 1.5, 2.25];
+const FIRST_SCALE: f64 = 3.125;
+
+/// Candidates of the first scale that are refined.
+const FIRST_REFINED: usize = 3;
 
 /// Largest distance of the first and of the last pairs when a candidate is refined, in voxels.
 const REFINED_VOXELS: [f64; 2] = [5.0, 1.25];
@@ -26,13 +32,14 @@ const REFINED_ITERATIONS: usize = 30;
 /// Robust global registration: candidates from several scales, checked on the points of both
 /// scans.
 ///
-/// 1. Features at four voxel sizes. For each, the motions that most matches agree with
+/// 1. Features of the coarsest of four voxel sizes, and the motions that most matches agree with
 ///    ([`Mac::candidates`]).
 /// 2. A score of each on both scans ([`Scene::score`]); the best, and the guess that was given, are
 ///    refined with ICP.
-/// 3. Of the refined ones the one that both scans prefer; local methods finish it ([`Finish`]).
-/// 4. What the scans say of it ([`Scene::judge`]). If they do not confirm it, it is slid along the
-///    direction that they hold least, and what is found there is compared with it.
+/// 3. Of the refined ones the one that both scans prefer. Local methods finish it ([`Finish`]). If
+///    what the scans then say of it ([`Scene::judge`]) leaves no doubt, that is the end.
+/// 4. Otherwise the same with the features of all sizes. A motion that the scans do not confirm is
+///    slid along the direction that they hold least, and what is found there compared with it.
 /// 5. The best of the other candidates, its rival: one as good makes the motion ambiguous.
 ///
 /// Matches and their inliers are evidence of one scale only. The points of both scans are
@@ -58,47 +65,57 @@ struct Bench {
     same_m: f64,
 }
 
+/// The motion to begin with: the identity, or one that was given.
+struct Guess {
+    initial: Pose,
+    refined: Pose,
+    is_given: bool,
+}
+
 impl Auto {
     fn found(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Result<Outcome, StopReason> {
         let bench = Bench::new(target, source, self.config.voxel_m)?;
-        let starts = bench.best_of(self.guesses(target, source), self.config.max_refined);
-        let guess = bench.refined(initial);
-        // Only a motion that the scans clearly prefer replaces the first: the guess that was given,
-        // or else that of the best score among those that the scans agree with.
         let is_given = *initial != Pose::identity();
-        let given = [*initial, guess].into_iter().filter(|_| is_given);
-        let mut found: Vec<Looked> = given.map(|motion| bench.look(motion)).collect();
-        found.extend(bench.found(&starts));
-        if !is_given && !found.iter().any(|other| bench.is_same(&other.motion, &guess)) {
-            found.push(bench.look(guess));
+        let guess = Guess { initial: *initial, refined: bench.refined(initial), is_given };
+        let prepared = OnceCell::new();
+        let finish = || {
+            let new = || Finish::new(target, source, self.config.voxel_m);
+            prepared.get_or_init(new).as_ref().map_err(|stop| *stop)
+        };
+        let first = self.candidates(target, source, FIRST_SCALE);
+        let found =
+            bench.found_with(&guess, first.clone(), self.config.max_refined.min(FIRST_REFINED));
+        if let Some(start) = bench.only(&found) {
+            let (outcome, kept, is_clear) = bench.finished(finish()?, start);
+            let outcome = bench.with_rival(outcome, &kept, &found, &guess);
+            if outcome.stop.is_success() && is_clear {
+                return Ok(outcome);
+            }
         }
-        // A guess that lays nothing on anything says nothing.
-        if !is_given || !found.iter().take(2).any(Looked::touches) {
-            found = Looked::agreeing_first(found);
-        }
-        let finish = Finish::new(target, source, self.config.voxel_m)?;
+        let of = |scale: &f64| self.candidates(target, source, *scale);
+        let mut candidates = FINER_SCALES.par_iter().map(of).collect::<Vec<_>>().concat();
+        candidates.extend(first);
+        let mut found = bench.found_with(&guess, candidates, self.config.max_refined);
         let start = bench.preferred(&found).ok_or(StopReason::NoConsensus)?;
-        let (mut outcome, mut kept) = bench.finished(&finish, start);
+        let (mut outcome, mut kept, _) = bench.finished(finish()?, start);
         if !outcome.stop.is_success() {
             let mut slides = bench.found(&bench.target.slides(&bench.source, &kept.motion));
             slides.insert(0, kept.clone());
             if let Some(slid) = bench.preferred(&slides).filter(|slid| slid.motion != kept.motion) {
-                (outcome, kept) = bench.finished(&finish, slid);
+                (outcome, kept, _) = bench.finished(finish()?, slid);
             }
             found.extend(slides);
         }
-        Ok(bench.with_rival(outcome, &kept, &found, is_given.then_some(guess)))
+        Ok(bench.with_rival(outcome, &kept, &found, &guess))
     }
 
-    /// The candidates of every scale, the finest first.
-    fn guesses(&self, target: &Cloud, source: &Cloud) -> Vec<Pose> {
-        let of = |scale: &f64| {
-            let features = FeatureConfig::from_voxel(scale * self.config.voxel_m);
-            let matches = matched(target, source, &features).ok()?;
-            let mac = Mac::new(MacConfig::from_features(features)).ok()?;
-            Some(mac.candidates(&matches, self.config.max_candidates))
-        };
-        SCALES.par_iter().filter_map(of).collect::<Vec<_>>().concat()
+    /// The motions that the matches of one scale agree with.
+    fn candidates(&self, target: &Cloud, source: &Cloud, scale: f64) -> Vec<Pose> {
+        let features = FeatureConfig::from_voxel(scale * self.config.voxel_m);
+        match (matched(target, source, &features), Mac::new(MacConfig::from_features(features))) {
+            (Ok(matches), Ok(mac)) => mac.candidates(&matches, self.config.max_candidates),
+            _ => Vec::new(),
+        }
     }
 }
 
@@ -142,6 +159,34 @@ impl Bench {
         self.icp.align(target, source, start).target_from_source
     }
 
+    /// The motions that ICP reaches from the best of some candidates and from the guess, in the
+    /// order in which they are to be preferred.
+    ///
+    /// Only a motion that the scans clearly prefer replaces the first: the guess that was given, or
+    /// else that of the best score among those that the scans agree with.
+    fn found_with(&self, guess: &Guess, candidates: Vec<Pose>, most: usize) -> Vec<Looked> {
+        let starts = self.best_of(candidates, most);
+        let given = [guess.initial, guess.refined].into_iter().filter(|_| guess.is_given);
+        let mut found: Vec<Looked> = given.map(|motion| self.look(motion)).collect();
+        found.extend(self.found(&starts));
+        if !guess.is_given && !found.iter().any(|other| self.is_same(&other.motion, &guess.refined))
+        {
+            found.push(self.look(guess.refined));
+        }
+        // A guess that lays nothing on anything says nothing.
+        if !guess.is_given || !found.iter().take(2).any(Looked::touches) {
+            found = Looked::agreeing_first(found);
+        }
+        found
+    }
+
+    /// The motion that the scans prefer, if they agree with it, and none is as good.
+    fn only<'a>(&self, found: &'a [Looked]) -> Option<&'a Looked> {
+        let start = self.preferred(found).filter(|start| start.agrees())?;
+        let rival = self.target.rival(&self.source, start, found);
+        (!rival.is_some_and(|rival| rival.is_as_good)).then_some(start)
+    }
+
     /// The motions that ICP reaches from some starts, best first.
     fn found(&self, starts: &[Pose]) -> Vec<Looked> {
         let refined = starts.par_iter().map(|start| self.refined(start)).collect();
@@ -158,8 +203,9 @@ impl Bench {
     }
 
     /// The motion that finishing ends at, judged. If the scans clearly prefer the one it began
-    /// with, that stands; if it went far away, they have to prefer the end.
-    fn finished(&self, finish: &Finish, start: &Looked) -> (Outcome, Looked) {
+    /// with, that stands; if it went far away, they have to prefer the end. True when they confirm
+    /// it by a wide margin.
+    fn finished(&self, finish: &Finish, start: &Looked) -> (Outcome, Looked, bool) {
         let unit_m = self.target.unit_m();
         let finished = finish.from(&start.motion, unit_m);
         let end = finished.target_from_source;
@@ -171,12 +217,13 @@ impl Bench {
         // The covariance belongs to the end.
         let covariance = finished.covariance.filter(|_| kept.motion == end);
         let judgement = self.target.judge_further(&self.source, &kept);
+        let is_clear = judgement.is_clear();
         let outcome = Outcome { target_from_source: kept.motion, covariance, ..finished }
             .judged(judgement, unit_m);
         // How the last step ended matters only where the scans agree with the motion.
         let is_supported = outcome.overlap.is_some_and(|overlap| overlap.agrees());
         let stop = if is_supported { outcome.stop } else { StopReason::Unconfirmed };
-        (Outcome { stop, ..outcome }, kept)
+        (Outcome { stop, ..outcome }, kept, is_clear)
     }
 
     /// The outcome with the best other motion; ambiguous if that is as good. A guess that was given
@@ -186,10 +233,10 @@ impl Bench {
         outcome: Outcome,
         kept: &Looked,
         found: &[Looked],
-        guess: Option<Pose>,
+        guess: &Guess,
     ) -> Outcome {
         let rival = self.target.rival(&self.source, kept, found);
-        let is_guessed = guess.is_some_and(|guess| !self.target.is_other(&kept.motion, &guess));
+        let is_guessed = guess.is_given && !self.target.is_other(&kept.motion, &guess.refined);
         let is_ambiguous = rival.is_some_and(|rival| rival.is_as_good) && !is_guessed;
         let stop = match outcome.stop {
             StopReason::Converged if is_ambiguous => StopReason::Ambiguous,

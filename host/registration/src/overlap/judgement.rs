@@ -93,9 +93,14 @@ impl Looked {
         self.answers.overlap().on >= Overlap::LEAST_ON
     }
 
+    /// True when the scans agree with the motion.
+    pub(crate) fn agrees(&self) -> bool {
+        self.answers.overlap().agrees()
+    }
+
     /// Motions, those that the scans agree with first.
     pub(crate) fn agreeing_first(mut motions: Vec<Self>) -> Vec<Self> {
-        motions.sort_by_key(|looked| !looked.answers.overlap().agrees());
+        motions.sort_by_key(|looked| !looked.agrees());
         motions
     }
 }
@@ -126,7 +131,8 @@ impl Judgement {
         self.held.is_some_and(|held| held.is_over(least(&self.overlap)))
     }
 
-    fn is_clear(&self) -> bool {
+    /// True when they do by a wide margin.
+    pub(crate) fn is_clear(&self) -> bool {
         self.held.is_some_and(|held| held.is_over(CLEAR_LEAD))
     }
 }
