@@ -4,7 +4,8 @@ use echoloop_clouds::Cloud;
 use nalgebra::{Point3, Vector3};
 
 use super::{Convention, GicpConfig, IcpConfig};
-use crate::geometry::box_tree::{self, BoxTree};
+use crate::geometry::box_tree::{self, BoxTree, nearest};
+use crate::geometry::normals::Plane;
 use crate::geometry::quantile::quantile;
 use crate::geometry::voxel::VoxelError;
 use crate::geometry::{normals, voxel};
@@ -66,12 +67,25 @@ impl Target {
     ///
     /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
     pub fn prepare(cloud: &Cloud, surface: impl Into<Surface>) -> Result<Self, PrepareError> {
-        let surface = surface.into();
+        Self::with_planes(cloud, &surface.into()).map(|(target, _)| target)
+    }
+
+    /// The same, with the plane through the neighbours of each point.
+    pub(crate) fn with_planes(
+        cloud: &Cloud,
+        surface: &Surface,
+    ) -> Result<(Self, Vec<Plane>), PrepareError> {
         let thinned = thin(cloud, surface.voxel_m)?;
         let tree = BoxTree::new(thinned.points);
-        let normals = normals::of_tree(&tree, surface.normal_radius_m, surface.normal_neighbours);
+        let planes = normals::of_tree(&tree, surface.normal_radius_m, surface.normal_neighbours);
+        let normals: Vec<Vector3<f32>> = planes.iter().map(|plane| plane.normal).collect();
         let noise = RangeNoise::of(tree.points(), &normals, thinned.range_sd_m.as_deref());
-        Ok(Self { tree, normals, noise })
+        Ok((Self { tree, normals, noise }, planes))
+    }
+
+    /// Index of the nearest point strictly within `radius_m`.
+    pub(crate) fn nearest(&self, at: &Point3<f32>, radius_m: f32) -> Option<usize> {
+        nearest(&self.tree, at, radius_m).map(|index| index as usize)
     }
 
     /// Count of the points left.

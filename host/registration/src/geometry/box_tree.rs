@@ -2,6 +2,9 @@
 
 mod kernel;
 
+#[cfg(target_arch = "x86_64")]
+use echoloop_dispatch::V3;
+use echoloop_dispatch::dispatch;
 use nalgebra::Point3;
 
 pub(super) use self::kernel::WIDE;
@@ -141,6 +144,16 @@ impl BoxTree {
         best.found()
     }
 
+    #[inline(always)]
+    fn nearest_within(
+        &self,
+        query: &Point3<f32>,
+        radius_m: f32,
+        kernel: impl LaneKernel,
+    ) -> Option<u32> {
+        self.nearest(kernel, query, radius_m, 0.0).index
+    }
+
     /// Visits the leaves within the limit of `found`, the nearest first, and passes it their
     /// points.
     #[inline(always)]
@@ -266,6 +279,12 @@ impl Node {
         (f32::from_bits(least & !LANE) <= limit && least != Self::SEEN)
             .then_some((least & LANE) as usize)
     }
+}
+
+dispatch! {
+    /// Index of the nearest point strictly within `radius_m`.
+    pub(crate) fn nearest(tree: &BoxTree, query: &Point3<f32>, radius_m: f32) -> Option<u32>
+        = BoxTree::nearest_within, with: Portable, v3_with: V3::here();
 }
 
 /// The nearest point so far.

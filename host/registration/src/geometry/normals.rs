@@ -50,7 +50,13 @@ pub fn from_points(
     radius_m: f64,
     max_neighbours: usize,
 ) -> Vec<Vector3<f32>> {
-    planes(points, radius_m, max_neighbours).iter().map(|plane| plane.normal).collect()
+    let order = box_tree::order(points);
+    let tree = BoxTree::new(box_tree::ordered(points, &order));
+    let mut normals = vec![Vector3::zeros(); points.len()];
+    for (plane, &index) in of_tree(&tree, radius_m, max_neighbours).iter().zip(&order) {
+        normals[index as usize] = plane.normal;
+    }
+    normals
 }
 
 /// The plane through the neighbours of a point.
@@ -65,43 +71,21 @@ pub(crate) struct Plane {
     pub(crate) spread_m2: f32,
 }
 
-/// [`from_points`], with the trust in each normal.
-pub(crate) fn planes(points: &[Point3<f32>], radius_m: f64, max_neighbours: usize) -> Vec<Plane> {
-    let order = box_tree::order(points);
-    let tree = BoxTree::new(box_tree::ordered(points, &order));
-    let mut planes = vec![Plane::default(); points.len()];
-    let found = each_of_tree(&tree, radius_m, max_neighbours, |plane| plane);
-    for (plane, &index) in found.iter().zip(&order) {
-        planes[index as usize] = *plane;
-    }
-    planes
-}
-
-/// [`from_points`] for the points of a tree.
-pub(crate) fn of_tree(tree: &BoxTree, radius_m: f64, max_neighbours: usize) -> Vec<Vector3<f32>> {
-    each_of_tree(tree, radius_m, max_neighbours, |plane| plane.normal)
-}
-
-/// One property of the plane of each point of a tree.
-fn each_of_tree<T: Copy + Default + Send>(
-    tree: &BoxTree,
-    radius_m: f64,
-    max_neighbours: usize,
-    of: fn(Plane) -> T,
-) -> Vec<T> {
+/// The planes of the points of a tree.
+pub(crate) fn of_tree(tree: &BoxTree, radius_m: f64, max_neighbours: usize) -> Vec<Plane> {
     let points = tree.points();
-    let mut all = vec![T::default(); points.len()];
-    all.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, all)| {
+    let mut planes = vec![Plane::default(); points.len()];
+    planes.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, planes)| {
         let mut nearest = Nearest::new(tree, radius_m, max_neighbours);
-        for (i, all) in all.chunks_mut(WIDE).enumerate() {
+        for (i, planes) in planes.chunks_mut(WIDE).enumerate() {
             let leaf = chunk * CHUNK / WIDE + i;
             let of_points = nearest.of_leaf(leaf).zip(tree.leaf_points(leaf));
-            for (one, (found, point)) in all.iter_mut().zip(of_points) {
-                *one = of(plane_at(points, point, found).unwrap_or_default());
+            for (plane, (found, point)) in planes.iter_mut().zip(of_points) {
+                *plane = plane_at(points, point, found).unwrap_or_default();
             }
         }
     });
-    all
+    planes
 }
 
 /// [`from_points`] with neighbours found already: within at least `radius_m`, and at least

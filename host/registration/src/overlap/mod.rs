@@ -33,10 +33,9 @@ pub use self::open::OpenDirection;
 use self::probes::Probe;
 use self::range_image::RangeImage;
 use self::sight::Sight;
-use crate::geometry::kdtree::KdTree;
-use crate::geometry::normals;
-use crate::prepared::thinned;
-use crate::{Convention, PrepareError};
+use crate::geometry::normals::Plane;
+use crate::prepared::Surface;
+use crate::{PrepareError, Target};
 
 /// Radius of the neighbourhood of a normal, in voxels.
 const NORMAL_VOXELS: f64 = 4.0;
@@ -65,11 +64,10 @@ const OUTDOOR_VOXEL_M: f32 = 0.8;
 /// part of a scan only the surface is evidence.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    points: Vec<Point3<f32>>,
-    normals: Vec<Vector3<f32>>,
+    /// The thinned points that are precise, and their normals.
+    surface: Target,
     /// Variance of each normal's tilt, rad².
     tilts_rad2: Vec<f32>,
-    tree: KdTree,
     image: RangeImage,
     sight: Sight,
     probes: Vec<Probe>,
@@ -142,29 +140,42 @@ impl Scene {
         let image = RangeImage::new(&cloud.points, DIRECTION_DEG);
         let precise = precise(cloud, unit_m, sight.is_scan());
         let cloud = precise.as_ref().unwrap_or(cloud);
-        let points = thinned(cloud, voxel_m, Convention::Sensor)?.points;
-        let planes = normals::planes(&points, NORMAL_VOXELS * voxel_m, NORMAL_NEIGHBOURS);
-        let tree = KdTree::new(&points);
+        let (surface, planes) = Target::with_planes(cloud, &surface(voxel_m))?;
         let voxel_m = voxel_m as f32;
+        let tilt_rad2 = |plane: &Plane| Self::tilt_rad2(plane.tilt_rad2, plane.spread_m2, unit_m);
         let echoes = cloud.points.iter().filter(|p| is_echo(p));
         Ok(Self {
-            normals: planes.iter().map(|plane| plane.normal).collect(),
-            tilts_rad2: planes
-                .iter()
-                .map(|plane| Self::tilt_rad2(plane.tilt_rad2, plane.spread_m2, unit_m))
-                .collect(),
+            surface,
+            tilts_rad2: planes.iter().map(tilt_rad2).collect(),
             probes: probes::probes(echoes.copied(), unit_m, sight.is_scan()),
             sight,
-            points,
-            tree,
             image,
             voxel_m,
         })
     }
 
+    /// The thinned points.
+    fn points(&self) -> &[Point3<f32>] {
+        self.surface.tree.points()
+    }
+
+    /// Their normals.
+    fn normals(&self) -> &[Vector3<f32>] {
+        &self.surface.normals
+    }
+
     /// Unit of the lengths that do not depend on the voxel, m: 1 outdoors.
     pub(crate) fn unit_m(&self) -> f32 {
         unit_m(self.voxel_m)
+    }
+}
+
+fn surface(voxel_m: f64) -> Surface {
+    Surface {
+        voxel_m,
+        normal_radius_m: NORMAL_VOXELS * voxel_m,
+        normal_neighbours: NORMAL_NEIGHBOURS,
+        source_normals: true,
     }
 }
 

@@ -189,13 +189,13 @@ impl Scene {
     /// A point and the normal of the surface near a place; `None` where it is not well known.
     fn plane(&self, at: &Point3<f64>) -> Option<(Point3<f64>, Vector3<f64>)> {
         let nearest = self.near(&at.cast())?;
-        let plane = || (self.points[nearest].cast(), self.normals[nearest].cast());
+        let plane = || (self.points()[nearest].cast(), self.normals()[nearest].cast());
         self.is_plane(nearest).then(plane)
     }
 
     /// True when the normal of a point of the surface is well known.
     fn is_plane(&self, point: usize) -> bool {
-        self.normals[point] != Vector3::zeros() && self.tilts_rad2[point] < MOST_TILT_RAD2
+        self.normals()[point] != Vector3::zeros() && self.tilts_rad2[point] < MOST_TILT_RAD2
     }
 
     /// A probe of the source in the target's frame, the target's normal there and its own, which
@@ -216,8 +216,8 @@ impl Scene {
     /// The normal at one of the scan's points, if the ranges around it are those of such a plane:
     /// the points of one turn around the inside of a tube lie in a plane, too, that is no surface.
     fn trusted_normal(&self, at: &Point3<f32>) -> Option<Vector3<f32>> {
-        let nearest = self.tree.nearest(at, 2.0 * self.voxel_m)? as usize;
-        let normal = self.normals[nearest];
+        let nearest = self.surface.nearest(at, 2.0 * self.voxel_m)? as usize;
+        let normal = self.normals()[nearest];
         let range_m = at.coords.norm();
         let cosine = (normal.dot(&at.coords) / range_m).abs();
         let tangent = (1.0 - cosine * cosine).max(0.0).sqrt() / cosine.max(0.02);

@@ -140,8 +140,8 @@ impl Scene {
         }
         let mut off_m = 0.0; // along the beam
         if let Some(nearest) = self.near(at) {
-            let normal = self.normals[nearest];
-            let from = at - self.points[nearest];
+            let normal = self.normals()[nearest];
+            let from = at - self.points()[nearest];
             let across_m = normal.dot(&from).abs();
             let along_m = (from.norm_squared() - across_m * across_m).max(0.0).sqrt();
             let tilt_m = 3.0 * self.tilts_rad2[nearest].sqrt() * along_m;
@@ -170,7 +170,7 @@ impl Scene {
 
     /// The nearest point within reach.
     pub(super) fn near(&self, at: &Point3<f32>) -> Option<usize> {
-        self.tree.nearest(at, self.reach_m(at)).map(|index| index as usize)
+        self.surface.nearest(at, self.reach_m(at)).map(|index| index as usize)
     }
 
     /// Distance over which a point of the surface tells of it: as far as the scan's directions are

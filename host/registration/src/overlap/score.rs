@@ -32,7 +32,7 @@ impl Scene {
         let (there, back) = (target_from_source.cast(), target_from_source.inverse().cast());
         let (forth, again) =
             rayon::join(|| source.seen_by(self, &there), || self.seen_by(source, &back));
-        let points = (source.points.len() + self.points.len()).max(1) as f64;
+        let points = (source.points().len() + self.points().len()).max(1) as f64;
         (forth.0 + again.0 - CONTRADICTION * (forth.1 + again.1)) / points
     }
 
@@ -47,7 +47,7 @@ impl Scene {
                 }
             })
         };
-        let chunks = self.points.par_chunks(CHUNK).zip(self.normals.par_chunks(CHUNK));
+        let chunks = self.points().par_chunks(CHUNK).zip(self.normals().par_chunks(CHUNK));
         // In order: the same sum on any number of threads.
         let sums: Vec<(f64, f64)> = chunks.map(chunk).collect();
         sums.iter().fold((0.0, 0.0), |sum, next| (sum.0 + next.0, sum.1 + next.1))
@@ -59,8 +59,8 @@ impl Scene {
     /// max(0, n · m) / (1 + (n · d / h)²)       d to the nearest point, n its normal, m the point's
     /// ```
     fn support(&self, point: &Point3<f32>, normal: &Vector3<f32>) -> Option<f32> {
-        let nearest = self.tree.nearest(point, REACH_VOXELS * self.voxel_m)? as usize;
-        let (to, own) = (self.points.get(nearest)?, self.normals.get(nearest)?);
+        let nearest = self.surface.nearest(point, REACH_VOXELS * self.voxel_m)? as usize;
+        let (to, own) = (self.points().get(nearest)?, self.normals().get(nearest)?);
         let off_m = match *own == Vector3::zeros() {
             true => (point - to).norm(),
             false => own.dot(&(point - to)).abs(),
