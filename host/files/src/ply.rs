@@ -1,6 +1,7 @@
 //! Reading PLY, a batch of elements at a time: elements that nobody asks for take no memory.
 //!
-//! ply-rs-bw reads header and elements. Checked here first, because it does not: the header ends,
+//! ply-rs-bw reads the header, and elements of text or with lists; binary rows of numbers alone are
+//! taken apart here. Checked first, because it does not: the header ends,
 //! no name stands twice, the data are long enough for the counts, no line of text is longer than
 //! 4 MB.
 
@@ -105,6 +106,10 @@ impl<'a> Body<'a> {
     ) -> Result<(Points, Vec<Column>), String> {
         let mut points = Points::of(element);
         let mut columns = if others { columns(element) } else { Vec::new() };
+        if let Some(row) = Row::of(element, self.header.encoding) {
+            row.take(self.rows(element, &row)?, &mut points, &mut columns);
+            return Ok((points, columns));
+        }
         if !others {
             self.read(element, |vertex: Vertex| {
                 points.push(&vertex);
@@ -119,6 +124,105 @@ impl<'a> Body<'a> {
             Ok::<_, String>(())
         })?;
         Ok((points, columns))
+    }
+}
+
+impl<'a> Body<'a> {
+    /// The bytes of the next element, whose rows are all as long.
+    fn rows(&mut self, element: &ElementDef, row: &Row) -> Result<&'a [u8], String> {
+        let data: &'a [u8] = self.reader.get_ref();
+        let size = element.count.checked_mul(row.size);
+        let split = size.and_then(|size| data.split_at_checked(size));
+        let (rows, rest) = split.ok_or_else(|| too_short(element))?;
+        *self.reader.get_mut() = rest;
+        Ok(rows)
+    }
+}
+
+/// A row of a binary element without lists. The parser makes an enum of each number and looks its
+/// name up: three times the work.
+struct Row {
+    axes: [Field; 3],
+    range_sd: Option<Field>,
+    /// In the order of the header.
+    others: Vec<Field>,
+    /// Bytes of all fields.
+    size: usize,
+}
+
+#[derive(Clone, Copy)]
+struct Field {
+    /// Byte at which it begins in a row.
+    at: usize,
+    kind: NumberType,
+    is_big_endian: bool,
+}
+
+impl Row {
+    /// None where rows differ in length.
+    fn of(element: &ElementDef, encoding: Encoding) -> Option<Self> {
+        let is_big_endian = match encoding {
+            Encoding::Ascii => return None,
+            Encoding::BinaryBigEndian => true,
+            Encoding::BinaryLittleEndian => false,
+        };
+        let (mut fields, mut size) = (Vec::new(), 0);
+        for property in element.properties.values() {
+            let kind = scalar(&property.data_type)?;
+            fields.push((&*property.name, Field { at: size, kind, is_big_endian }));
+            size += kind.size();
+        }
+        let named = |name: &str| fields.iter().find(|field| field.0 == name).map(|field| field.1);
+        let [Some(x), Some(y), Some(z)] = AXES.map(named) else { return None };
+        let others = fields.iter().filter(|(name, _)| !is_of_points(name));
+        let others = others.map(|(_, field)| *field).collect();
+        Some(Self { axes: [x, y, z], range_sd: named(RANGE_SD.name), others, size })
+    }
+
+    /// Adds rows to the points, and to the columns of the other properties, if they are wanted.
+    fn take(&self, rows: &[u8], points: &mut Points, columns: &mut [Column]) {
+        // A batch stays in the cache while its columns are taken.
+        for rows in rows.chunks(self.size * BATCH) {
+            for row in rows.chunks_exact(self.size) {
+                let at = self.axes.map(|axis| axis.value(row));
+                let range_sd = self.range_sd.map(|field| field.value(row) as f32);
+                points.push(&Vertex { at, range_sd });
+            }
+            for (column, field) in columns.iter_mut().zip(&self.others) {
+                match field.kind.size() {
+                    1 => field.copy::<1>(rows, self.size, column),
+                    2 => field.copy::<2>(rows, self.size, column),
+                    4 => field.copy::<4>(rows, self.size, column),
+                    _ => field.copy::<8>(rows, self.size, column),
+                }
+            }
+        }
+    }
+}
+
+impl Field {
+    /// Its little-endian bytes in a row.
+    fn bytes<const N: usize>(self, row: &[u8]) -> [u8; N] {
+        let mut bytes = [0; N];
+        bytes.copy_from_slice(&row[self.at..self.at + N]);
+        if self.is_big_endian {
+            bytes.reverse();
+        }
+        bytes
+    }
+
+    fn value(self, row: &[u8]) -> f64 {
+        let padded = match self.kind.size() {
+            1 => padded(&self.bytes::<1>(row)),
+            2 => padded(&self.bytes::<2>(row)),
+            4 => padded(&self.bytes::<4>(row)),
+            _ => self.bytes::<8>(row),
+        };
+        self.kind.value(padded)
+    }
+
+    fn copy<const N: usize>(self, rows: &[u8], row_size: usize, column: &mut Column) {
+        rows.chunks_exact(row_size).for_each(|row| column.push_bytes(&self.bytes::<N>(row)));
     }
 }
 
@@ -294,11 +398,13 @@ fn malformed(error: ParseError) -> String {
 /// that of its batch.
 fn ended(error: &ParseError, element: &ElementDef) -> String {
     match error.kind() {
-        std::io::ErrorKind::UnexpectedEof => {
-            format!("end of file before the last of {} elements {:?}", element.count, element.name)
-        }
+        std::io::ErrorKind::UnexpectedEof => too_short(element),
         _ => one_line(&error.to_string()),
     }
+}
+
+fn too_short(element: &ElementDef) -> String {
+    format!("end of file before the last of {} elements {:?}", element.count, element.name)
 }
 
 /// Refuses a name that two elements of the file, or two properties of an element, share. The parser
@@ -397,6 +503,64 @@ mod tests {
         assert_eq!((found.len(), found[2999]), (3000, [2999.0, 0.0, 5998.0]));
         let cut = vertices(text.trim_end().rsplit_once('\n').unwrap().0).unwrap_err();
         assert!(cut.contains("end of file before the last of 3000 elements"), "{cut}");
+    }
+
+    #[test]
+    fn rows_of_numbers_are_read_in_either_order_of_bytes_as_from_text() {
+        let head = |format: &str| {
+            format!(
+                "ply\nformat {format} 1.0\nelement vertex 2\nproperty uchar ring\nproperty double \
+                 z\nproperty float x\nproperty short y\nproperty float range_sd\nproperty uint \
+                 t\nelement face 1\nproperty uchar of\nend_header\n"
+            )
+        };
+        let rows = [
+            (7u8, -2.5f64, 1.25f32, -300i16, 0.5f32, 4_000_000_000u32),
+            (9, 1e9, -8.0, 1, 0.25, 6),
+        ];
+        let binary = |bytes: fn(&[u8]) -> Vec<u8>| {
+            let row = |(ring, z, x, y, sd, t): &(u8, f64, f32, i16, f32, u32)| {
+                let fields: [&[u8]; 6] = [
+                    &ring.to_le_bytes(),
+                    &z.to_le_bytes(),
+                    &x.to_le_bytes(),
+                    &y.to_le_bytes(),
+                    &sd.to_le_bytes(),
+                    &t.to_le_bytes(),
+                ];
+                fields.map(bytes).concat()
+            };
+            [rows.iter().flat_map(row).collect(), vec![42]].concat()
+        };
+        let little = [head("binary_little_endian").into_bytes(), binary(<[u8]>::to_vec)].concat();
+        let reversed = |field: &[u8]| field.iter().rev().copied().collect();
+        let big = [head("binary_big_endian").into_bytes(), binary(reversed)].concat();
+        let text = rows.map(|(ring, z, x, y, sd, t)| format!("{ring} {z} {x} {y} {sd} {t}\n"));
+        let text = [head("ascii"), text.concat(), "42\n".into()].concat().into_bytes();
+        let read = |bytes: &[u8]| {
+            let (header, reader) = header(bytes).unwrap();
+            let mut body = Body::new(&header, reader, None).unwrap();
+            let found = body.points(&header.elements["vertex"], true).unwrap();
+            let mut after = Vec::new();
+            body.read(&header.elements["face"], |WholeVertex { others, .. }| {
+                after.extend(others.iter().filter_map(value_of));
+                Ok::<_, String>(())
+            })
+            .unwrap();
+            assert_eq!(after, [42.0], "the next element begins where this one ends");
+            found
+        };
+        let (points, columns) = read(&text);
+        assert_eq!(points.at, Coordinates::Double(vec![[1.25, -300.0, -2.5], [-8.0, 1.0, 1e9]]));
+        assert_eq!(points.range_sds, Some(vec![0.5, 0.25]));
+        for bytes in [&little, &big] {
+            assert_eq!(read(bytes), (points.clone(), columns.clone()));
+            let cut = &bytes[..bytes.len() - 2];
+            assert!(
+                header(cut)
+                    .is_ok_and(|(header, reader)| { Body::new(&header, reader, None).is_err() })
+            );
+        }
     }
 
     #[test]
