@@ -81,7 +81,10 @@ fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), 
     let preparation = connect(config, &args.setup.sensor, &progress)?;
     let laid = preparation.start.with_values(values, &preparation.config, &preparation.hardware);
     let parameters = laid.map_err(|problem| args.refused(problem))?;
-    let prepared = traced(preparation, Preparation::traced, &progress)?;
+    let trace = |preparation: Preparation, progress: &dyn Fn(f64, &str)| {
+        preparation.traced_for(args.pairs(), progress)
+    };
+    let prepared = traced(preparation, trace, &progress)?;
     if args.stream {
         return stream(&prepared, args.pairs(), &progress);
     }

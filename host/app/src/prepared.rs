@@ -31,13 +31,11 @@ pub(super) fn prepare(
     Ok(traced(connect(config, choice, progress)?, Preparation::traced, progress)?)
 }
 
-/// [`Preparation::traced`], or [`Preparation::traced_for_a_search`].
-type Trace = fn(Preparation, &dyn Fn(f64, &str)) -> Result<Prepared, DatasetError>;
-
-/// Traces pairs and prints facts about them.
+/// Traces pairs and prints facts about them. `trace` is [`Preparation::traced`] or one of its
+/// kind.
 pub(super) fn traced(
     preparation: Preparation,
-    trace: Trace,
+    trace: impl FnOnce(Preparation, &dyn Fn(f64, &str)) -> Result<Prepared, DatasetError>,
     progress: &Progress,
 ) -> Result<Prepared, DatasetError> {
     let prepared = trace(preparation, &progress.scanning())?;

@@ -7,6 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use echoloop_dsp::Hardware;
 use echoloop_parameters::choice;
+use echoloop_sim::viewpoint::Split;
 use thiserror::Error;
 
 use crate::config::RunConfig;
@@ -150,6 +151,20 @@ impl Preparation {
     /// Traces the pairs: [`Dataset::build`].
     pub fn traced(self, progress: &dyn Fn(f64, &str)) -> Result<Prepared, DatasetError> {
         let dataset = Dataset::build(&self.config, progress)?;
+        Ok(self.with(dataset))
+    }
+
+    /// Traces the pairs for the sake of one set: [`Dataset::build_for`].
+    pub fn traced_for(
+        self,
+        set: PairSet,
+        progress: &dyn Fn(f64, &str),
+    ) -> Result<Prepared, DatasetError> {
+        let split = match set {
+            PairSet::Train => Split::Train,
+            PairSet::Test => Split::Test,
+        };
+        let dataset = Dataset::build_for(&self.config, split, progress)?;
         Ok(self.with(dataset))
     }
 

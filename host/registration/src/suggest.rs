@@ -112,9 +112,8 @@ impl<'a> Suggestions<'a> {
     }
 
     /// Settings of three fits that finish a motion found with voxels of `global_voxel_m`, from the
-    /// coarsest. Where ranges are good to millimetres, as in the loop's scans, the finest is the
-    /// best of a dense scan, the coarser ones are of sparse scans; on the pairs that come with other
-    /// projects, good to some centimetres, the other way round.
+    /// coarsest. Where ranges are good to millimetres the finest is the best; where they are good
+    /// to centimetres, the coarser ones.
     pub(crate) fn finish(&self, global_voxel_m: f64) -> [IcpConfig; 3] {
         let [coarse_m, middle_m, fine_m] = FINISH_VOXELS_M.map(|m| m * self.share_of_scene());
         let coarse_m = coarse_m.min(1.5 * self.radius_m() / VOXELS_A_RADIUS);

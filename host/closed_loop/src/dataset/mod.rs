@@ -79,7 +79,17 @@ impl Dataset {
     /// where `scene.stored` names a file or `scene.source` a folder of recordings. `progress` is
     /// called with the fraction done, 0 to 1, and a few words.
     pub fn build(config: &RunConfig, progress: &dyn Fn(f64, &str)) -> Result<Self, DatasetError> {
-        Self::of(config, 0, progress)
+        Self::of(config, None, 0, progress)
+    }
+
+    /// As [`Self::build`], for the sake of one split: a town without room for pairs of the other
+    /// has none of them.
+    pub fn build_for(
+        config: &RunConfig,
+        split: Split,
+        progress: &dyn Fn(f64, &str),
+    ) -> Result<Self, DatasetError> {
+        Self::of(config, Some(split), 0, progress)
     }
 
     /// As [`Self::build`], with `data.check_pairs` pairs of [`Self::check`]. They are drawn after
@@ -89,11 +99,12 @@ impl Dataset {
         config: &RunConfig,
         progress: &dyn Fn(f64, &str),
     ) -> Result<Self, DatasetError> {
-        Self::of(config, config.data.check_pairs, progress)
+        Self::of(config, None, config.data.check_pairs, progress)
     }
 
     fn of(
         config: &RunConfig,
+        only: Option<Split>,
         check_pairs: usize,
         progress: &dyn Fn(f64, &str),
     ) -> Result<Self, DatasetError> {
@@ -122,7 +133,13 @@ impl Dataset {
                     }
                 };
                 let plan = pair_plan(config, split, count, town);
-                let planned = poses_and_more(config, &place, &sight, (&plan, more), &looking)?;
+                let planned = poses_and_more(config, &place, &sight, (&plan, more), &looking);
+                let planned = match planned {
+                    Err(error) if is_no_room(&error) && only.is_some_and(|only| only != split) => {
+                        continue;
+                    }
+                    planned => planned?,
+                };
                 for (number, pair) in planned.iter().enumerate() {
                     progress(dataset.pairs().count() as f64 / total, &place.scene.name);
                     let (before, pairs) = match split {
@@ -245,13 +262,14 @@ fn poses_and_more(
 ) -> Result<Vec<PlannedPair>, DatasetError> {
     let of = |count| poses(config, place, sight, &PairPlan { count, ..*plan }, looking);
     match of(plan.count + more) {
-        Err(DatasetError::Viewpoints { source: ViewpointError::NoViewpoint { .. }, .. })
-            if more > 0 =>
-        {
-            of(plan.count)
-        }
+        Err(error) if is_no_room(&error) && more > 0 => of(plan.count),
         found => found,
     }
+}
+
+fn is_no_room(error: &DatasetError) -> bool {
+    use ViewpointError::NoViewpoint;
+    matches!(error, DatasetError::Viewpoints { source: NoViewpoint { .. }, .. })
 }
 
 fn trace(
@@ -383,6 +401,24 @@ mod tests {
         assert_eq!(truths(&plain.test), truths(&checked.test));
         assert_eq!(plain.triangles, checked.triangles);
         assert!(plain.views().eq(checked.views().take(2 * (4 + 3))));
+    }
+
+    #[test]
+    fn a_split_needs_no_room_for_the_other() {
+        let both_config = config(&["scene.towns=[1,2]", "data.baseline_m=12"]);
+        let both = Dataset::build(&both_config, &|_, _| ()).unwrap();
+        // No training pair is so far apart.
+        let mut far = both_config.clone();
+        far.data.train_baseline_factor = 1e7;
+        assert!(Dataset::build(&far, &|_, _| ()).is_err());
+        assert!(Dataset::build_for(&far, Split::Train, &|_, _| ()).is_err());
+        let found = Dataset::build_for(&far, Split::Test, &|_, _| ()).unwrap();
+        assert!(found.train.is_empty());
+        assert_eq!(truths(&found.test), truths(&both.test));
+        let numbers = |pairs: &[ScanPair]| -> Vec<[u32; 2]> {
+            pairs.iter().map(|pair| pair.viewpoints).collect()
+        };
+        assert_eq!(numbers(&found.test), numbers(&both.test));
     }
 
     #[test]

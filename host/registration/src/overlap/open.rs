@@ -216,7 +216,7 @@ impl Scene {
     /// The normal at one of the scan's points, if the ranges around it are those of such a plane:
     /// the points of one turn around the inside of a tube lie in a plane, too, that is no surface.
     fn trusted_normal(&self, at: &Point3<f32>) -> Option<Vector3<f32>> {
-        let nearest = self.surface.nearest(at, 2.0 * self.voxel_m)? as usize;
+        let nearest = self.surface.nearest(at, 2.0 * self.voxel_m)?;
         let normal = self.normals()[nearest];
         let range_m = at.coords.norm();
         let cosine = (normal.dot(&at.coords) / range_m).abs();

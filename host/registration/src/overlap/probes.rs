@@ -170,7 +170,7 @@ impl Scene {
 
     /// The nearest point within reach.
     pub(super) fn near(&self, at: &Point3<f32>) -> Option<usize> {
-        self.surface.nearest(at, self.reach_m(at)).map(|index| index as usize)
+        self.surface.nearest(at, self.reach_m(at))
     }
 
     /// Distance over which a point of the surface tells of it: as far as the scan's directions are

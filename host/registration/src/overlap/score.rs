@@ -59,7 +59,7 @@ impl Scene {
     /// max(0, n · m) / (1 + (n · d / h)²)       d to the nearest point, n its normal, m the point's
     /// ```
     fn support(&self, point: &Point3<f32>, normal: &Vector3<f32>) -> Option<f32> {
-        let nearest = self.surface.nearest(point, REACH_VOXELS * self.voxel_m)? as usize;
+        let nearest = self.surface.nearest(point, REACH_VOXELS * self.voxel_m)?;
         let (to, own) = (self.points().get(nearest)?, self.normals().get(nearest)?);
         let off_m = match *own == Vector3::zeros() {
             true => (point - to).norm(),
