@@ -180,11 +180,10 @@ impl Bench {
         found
     }
 
-    /// The motion that the scans prefer, if they agree with it, and none is as good.
+    /// The motion that the scans prefer, if they agree with it, and no other fits them.
     fn only<'a>(&self, found: &'a [Looked]) -> Option<&'a Looked> {
         let start = self.preferred(found).filter(|start| start.agrees())?;
-        let rival = self.target.rival(&self.source, start, found);
-        (!rival.is_some_and(|rival| rival.is_as_good)).then_some(start)
+        self.target.rival(&self.source, start, found).is_none().then_some(start)
     }
 
     /// The motions that ICP reaches from some starts, best first.
