@@ -67,26 +67,30 @@ impl Finish {
         Ok(Self { fits: [coarse?, middle?, fine?], voxel_m })
     }
 
-    /// The mean of the fits from a start; the coarsest alone where it finds no motion, or leaves a
-    /// direction open.
+    /// The mean of the fits from a start that converge; the coarsest alone where that leaves a
+    /// direction open, or none does.
     pub(super) fn from(&self, start: &Pose, unit_m: f32) -> Outcome {
         let [coarse, finer @ ..] = &self.fits;
-        let first = settled(coarse(start), unit_m, |from| coarse(from));
-        let mut kept = vec![first];
-        if !is_found(&kept[0]) {
-            return kept.swap_remove(0);
+        let first = coarse(start);
+        if !is_found(&first) {
+            return first;
         }
+        let mut kept: Vec<Outcome> = Vec::new();
+        kept.extend(first.stop.is_success().then(|| first.clone()));
         for fit in finer {
-            let next = fit(&kept[kept.len() - 1].target_from_source);
-            let [one, other] = [&kept[0], &next].map(|fit| &fit.target_from_source);
-            if next.stop.is_success()
-                && next.covariance.is_some()
-                && is_within(one, other, ALIKE_VOXELS * self.voxel_m, ALIKE_RAD)
-            {
+            let next = fit(kept.last().map_or(start, |last| &last.target_from_source));
+            let is_alike = |one: &Outcome| {
+                let [one, other] = [one, &next].map(|fit| &fit.target_from_source);
+                is_within(one, other, ALIKE_VOXELS * self.voxel_m, ALIKE_RAD)
+            };
+            if next.stop.is_success() && is_found(&next) && kept.iter().all(is_alike) {
                 kept.push(next);
             }
         }
-        mean(kept)
+        match kept.is_empty() {
+            true => settled(first, unit_m, |from| coarse(from)),
+            false => mean(kept),
+        }
     }
 }
 
@@ -128,10 +132,9 @@ fn is_found(fit: &Outcome) -> bool {
 /// C⁻¹ = Σ Cᵢ⁻¹ / n      ξ = C Σ Cᵢ⁻¹ ξᵢ / n      Tᵢ = exp(ξᵢ) T₀
 /// ```
 ///
-/// The rest is the last fit's, the finest. It has converged if one of them has.
+/// The rest is the last fit's, the finest.
 fn mean(fits: Vec<Outcome>) -> Outcome {
     let iterations = fits.iter().map(|fit| fit.iterations).sum();
-    let has_converged = fits.iter().any(|fit| fit.stop == StopReason::Converged);
     let about = fits[0].target_from_source;
     let (mut information, mut right) = (Matrix6::zeros(), Vector6::zeros());
     for fit in &fits {
@@ -151,7 +154,6 @@ fn mean(fits: Vec<Outcome>) -> Outcome {
     let shift = Translation3::from(moved.fixed_rows::<3>(3).into_owned());
     Outcome {
         target_from_source: Pose::from_parts(shift, turn) * about,
-        stop: if has_converged { StopReason::Converged } else { last.stop },
         covariance: Some(Covariance(covariance)),
         iterations,
         ..last
@@ -215,6 +217,10 @@ mod tests {
             let end = finished([coarse(), odd.clone(), coarse()]);
             assert!((end.target_from_source.translation.x - 0.1).abs() < 1e-9, "{odd:?}");
         }
+        let lost = fit([0.2, 0.0, 0.0], sure, MaxIterations);
+        let end = finished([lost.clone(), coarse(), coarse()]);
+        assert!((end.target_from_source.translation.x - 0.1).abs() < 1e-9, "{end:?}");
+        assert_eq!(finished([lost.clone(), lost.clone(), lost]).iterations, 6, "begun again");
     }
 
     #[test]

@@ -4,6 +4,8 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::Point3;
 
+use super::is_echo;
+
 /// Cells over the whole sphere, row after row from straight down.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cells {
@@ -48,6 +50,29 @@ impl Cells {
     pub(super) fn beside(&self, row: usize, column: usize) -> [usize; 3] {
         let columns = [column + self.columns - 1, column, column + 1];
         columns.map(|column| row * self.columns + column % self.columns)
+    }
+}
+
+/// What a sensor at the origin saw: a direction and how far.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    /// Index of the point.
+    pub(super) point: usize,
+    /// See [`direction`].
+    pub(super) direction: [f32; 2],
+    pub(super) range_m: f32,
+}
+
+impl Seen {
+    /// Of all points that are echoes: their directions take most of the time.
+    pub(super) fn all(points: &[Point3<f32>]) -> Vec<Self> {
+        let echoes = points.iter().enumerate().filter(|(_, point)| is_echo(point));
+        let seen = |(at, point): (usize, &Point3<f32>)| Self {
+            point: at,
+            direction: direction(point),
+            range_m: point.coords.norm(),
+        };
+        echoes.map(seen).collect()
     }
 }
 

@@ -25,6 +25,7 @@ mod sight;
 use echoloop_clouds::{Cloud, is_finite};
 use nalgebra::{Point3, Vector3};
 
+use self::cells::Seen;
 pub use self::confirmed::Confirmed;
 pub(crate) use self::confirmed::settled;
 pub use self::judgement::{Judgement, Rival};
@@ -136,8 +137,9 @@ impl Scene {
     /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
     pub fn new(cloud: &Cloud, voxel_m: f64) -> Result<Self, PrepareError> {
         let unit_m = unit_m(voxel_m as f32);
-        let sight = Sight::new(cloud, unit_m);
-        let image = RangeImage::new(&cloud.points, DIRECTION_DEG);
+        let seen = Seen::all(&cloud.points);
+        let sight = Sight::new(&seen, cloud.range_sd_m.as_deref(), unit_m);
+        let image = RangeImage::new(&seen, DIRECTION_DEG);
         let precise = precise(cloud, unit_m, sight.is_scan());
         let cloud = precise.as_ref().unwrap_or(cloud);
         let (surface, planes) = Target::with_planes(cloud, &surface(voxel_m))?;

@@ -1,9 +1,8 @@
 //! Range image: the distance that a sensor saw in each direction.
 
-use echoloop_clouds::is_finite;
 use nalgebra::Point3;
 
-use super::cells::{Cells, direction};
+use super::cells::{Cells, Seen, direction};
 
 /// The nearest range seen in each direction and the eight around it; nothing where no echo came
 /// back, which is no proof of open space: it may have been too dark.
@@ -16,14 +15,12 @@ pub(super) struct RangeImage {
 
 impl RangeImage {
     /// The range image of a scan, with the sensor at the origin.
-    pub(super) fn new(points: &[Point3<f32>], step_deg: f32) -> Self {
+    pub(super) fn new(seen: &[Seen], step_deg: f32) -> Self {
         let cells = Cells::of_step(step_deg.to_radians());
         let mut image = Self { cells, nearest_m: vec![f32::INFINITY; cells.len()] };
-        for point in points.iter().filter(|p| is_finite(p)) {
-            let (at, range_m) = (cells.at(&direction(point)), point.coords.norm());
-            if range_m > 0.0 && range_m < image.nearest_m[at] {
-                image.nearest_m[at] = range_m;
-            }
+        for Seen { direction, range_m, .. } in seen {
+            let nearest_m = &mut image.nearest_m[cells.at(direction)];
+            *nearest_m = nearest_m.min(*range_m);
         }
         image.nearest_m = (0..cells.len()).map(|at| image.around_m(at)).collect();
         image
@@ -60,7 +57,8 @@ mod tests {
             Point3::new(range_m * deg.to_radians().cos(), range_m * deg.to_radians().sin(), 0.0)
         };
         // On both sides of where the azimuth begins anew.
-        let image = RangeImage::new(&[at(179.0, 9.0), at(-179.0, 7.0), at(0.0, 5.0)], 2.5);
+        let image =
+            RangeImage::new(&Seen::all(&[at(179.0, 9.0), at(-179.0, 7.0), at(0.0, 5.0)]), 2.5);
         assert_eq!(image.nearest_m(&at(179.0, 1.0)).map(f32::round), Some(7.0));
         assert_eq!(image.nearest_m(&at(0.3, 99.0)).map(f32::round), Some(5.0));
         assert_eq!(image.nearest_m(&at(90.0, 1.0)), None, "nothing came back from there");
@@ -69,7 +67,7 @@ mod tests {
     #[test]
     fn points_without_a_direction_do_no_harm() {
         let odd = [Point3::origin(), Point3::new(f32::NAN, 0.0, 0.0), Point3::new(0.0, 0.0, -4.0)];
-        let image = RangeImage::new(&odd, 2.5);
+        let image = RangeImage::new(&Seen::all(&odd), 2.5);
         assert_eq!(image.nearest_m(&Point3::new(0.0, 0.0, -1.0)), Some(4.0));
         assert_eq!(image.nearest_m(&Point3::origin()), None);
     }

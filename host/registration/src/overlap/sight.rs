@@ -1,10 +1,9 @@
 //! Ranges that a sensor saw in each direction.
 
-use echoloop_clouds::Cloud;
 use nalgebra::Point3;
 
-use super::cells::{Cells, direction};
-use super::{RANGE_SDS, is_echo};
+use super::RANGE_SDS;
+use super::cells::{Cells, Seen, direction};
 
 /// Resolution at which the area seen is measured, and the coarsest of a [`Sight`], degrees.
 const COARSE_DEG: f32 = 2.5;
@@ -42,22 +41,20 @@ pub(super) struct Sight {
 impl Sight {
     /// The ranges that a sensor at the origin saw, if there was one, each within three of the
     /// standard deviations that it reports.
-    pub(super) fn new(cloud: &Cloud, unit_m: f32) -> Self {
-        let echoes = cloud.points.iter().filter(|p| is_echo(p));
-        let seen: Vec<([f32; 2], f32)> = echoes.map(|p| (direction(p), p.coords.norm())).collect();
-        let cells = Cells::within(step_rad(&seen));
+    pub(super) fn new(seen: &[Seen], sds_m: Option<&[f32]>, unit_m: f32) -> Self {
+        let cells = Cells::within(step_rad(seen));
         let mut sight = Self { cells, bounds_m: vec![None; cells.len()], is_scan: true };
-        seen.iter().for_each(|(direction, range_m)| sight.see(direction, [*range_m; 2]));
+        seen.iter().for_each(|seen| sight.see(&seen.direction, [seen.range_m; 2]));
         let stride = seen.len().div_ceil(LOOKED_AT).max(1);
         let looked_at = seen.iter().step_by(stride);
-        let hidden =
-            looked_at.clone().filter(|(d, range_m)| sight.is_hidden(d, *range_m, unit_m)).count();
+        let is_hidden = |seen: &&Seen| sight.is_hidden(&seen.direction, seen.range_m, unit_m);
+        let hidden = looked_at.clone().filter(is_hidden).count();
         sight.is_scan = hidden as f64 <= MOST_HIDDEN * looked_at.count() as f64;
         // Only now: with their errors, points in front of each other would be hidden.
-        for (point, sd_m) in cloud.points.iter().zip(cloud.range_sd_m.iter().flatten()) {
-            if is_echo(point) {
-                let (range_m, error_m) = (point.coords.norm(), RANGE_SDS * sd_m);
-                sight.see(&direction(point), [range_m - error_m, range_m + error_m]);
+        if let Some(sds_m) = sds_m {
+            for Seen { point, direction, range_m } in seen {
+                let error_m = RANGE_SDS * sds_m.get(*point).copied().unwrap_or_default();
+                sight.see(direction, [range_m - error_m, range_m + error_m]);
             }
         }
         sight.bounds_m = (0..cells.len()).map(|at| sight.around_m(at)).collect();
@@ -141,12 +138,12 @@ fn merged(a: Option<[f32; 2]>, b: Option<[f32; 2]>) -> Option<[f32; 2]> {
 }
 
 /// Angle of cells that hold about two points: from the solid angle seen, and the number of points.
-fn step_rad(seen: &[([f32; 2], f32)]) -> f32 {
+fn step_rad(seen: &[Seen]) -> f32 {
     let coarse = COARSE_DEG.to_radians();
     let cells = Cells::of_step(coarse);
     let mut is_seen = vec![false; cells.len()];
-    for (direction, _) in seen {
-        is_seen[cells.at(direction)] = true;
+    for seen in seen {
+        is_seen[cells.at(&seen.direction)] = true;
     }
     let area = |row: usize| ((row as f32 + 0.5) * coarse).sin() * coarse * coarse;
     let seen_sr: f32 =
@@ -171,7 +168,7 @@ mod tests {
     }
 
     fn seen(points: Vec<Point3<f32>>) -> Sight {
-        Sight::new(&Cloud::new(points), 1.0)
+        Sight::new(&Seen::all(&points), None, 1.0)
     }
 
     #[test]
@@ -180,7 +177,7 @@ mod tests {
         points.push(Point3::new(4.0, 0.0, 0.0));
         let mut sds_m = vec![0.0; points.len()];
         sds_m[points.len() - 1] = 0.5;
-        let sight = Sight::new(&Cloud { range_sd_m: Some(sds_m), ..Cloud::new(points) }, 1.0);
+        let sight = Sight::new(&Seen::all(&points), Some(&sds_m), 1.0);
         assert_eq!(sight.bounds_m(&Point3::new(1.0, 0.0, 0.0)), Some([2.5, 10.0]));
     }
 
