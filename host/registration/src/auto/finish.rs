@@ -26,9 +26,9 @@ const ALIKE_RAD: f64 = 0.05;
 
 /// Local fits at three voxels, each from the end of the coarser, and their mean.
 ///
-/// No method and no voxel is the best on every sensor: of 16 rings GICP's error is three times that
-/// of ICP, of a rosette half of it. But each fit has a covariance, and the mean weighs by it
-/// ([`mean`]). ICP is the finest, with normals of its own; GICP the others.
+/// No method and no voxel is the best on every sensor: of 16 rings GICP's error is twice that of
+/// ICP, of 128 rings it is the smaller one. But each fit has a covariance, and the mean weighs by
+/// it ([`mean`]). The finest is ICP, the others are GICP.
 pub(super) struct Finish {
     fits: [Fit; 3],
     /// Edge of the coarsest voxels, m.

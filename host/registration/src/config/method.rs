@@ -21,7 +21,7 @@ macro_rules! with_methods {
             Mac MacConfig "mac" Features
                 "Maximal cliques of compatible FPFH matches: needs no initial guess.";
             Auto AutoConfig "auto" Everywhere
-                "Candidates of several scales, scored on the points of both clouds, then GICP.";
+                "Candidates of some scales, scored on both clouds' points, then GICP and ICP.";
         }
     };
 }
