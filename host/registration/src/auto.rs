@@ -86,9 +86,9 @@ impl Auto {
         let found =
             bench.found_with(&guess, first.clone(), self.config.max_refined.min(FIRST_REFINED));
         if let Some(start) = bench.only(&found) {
-            let (outcome, kept, is_clear) = bench.finished(finish()?, start);
+            let (outcome, kept, is_certain) = bench.finished(finish()?, start);
             let outcome = bench.with_rival(outcome, &kept, &found, &guess);
-            if outcome.stop.is_success() && is_clear {
+            if outcome.stop.is_success() && is_certain {
                 return Ok(outcome);
             }
         }
@@ -202,8 +202,8 @@ impl Bench {
     }
 
     /// The motion that finishing ends at, judged. If the scans clearly prefer the one it began
-    /// with, that stands; if it went far away, they have to prefer the end. True when they confirm
-    /// it by a wide margin.
+    /// with, that stands; if it went far away, they have to prefer the end. True when it is beyond
+    /// doubt.
     fn finished(&self, finish: &Finish, start: &Looked) -> (Outcome, Looked, bool) {
         let unit_m = self.target.unit_m();
         let finished = finish.from(&start.motion, unit_m);
@@ -216,13 +216,13 @@ impl Bench {
         // The covariance belongs to the end.
         let covariance = finished.covariance.filter(|_| kept.motion == end);
         let judgement = self.target.judge_further(&self.source, &kept);
-        let is_clear = judgement.is_clear();
+        let is_certain = judgement.is_beyond_doubt();
         let outcome = Outcome { target_from_source: kept.motion, covariance, ..finished }
             .judged(judgement, unit_m);
         // How the last step ended matters only where the scans agree with the motion.
         let is_supported = outcome.overlap.is_some_and(|overlap| overlap.agrees());
         let stop = if is_supported { outcome.stop } else { StopReason::Unconfirmed };
-        (Outcome { stop, ..outcome }, kept, is_clear)
+        (Outcome { stop, ..outcome }, kept, is_certain)
     }
 
     /// The outcome with the best other motion; ambiguous if that is as good. A guess that was given

@@ -44,6 +44,10 @@ const TURNED_RAD: f64 = 0.5;
 /// is, small errors of the sensor decide.
 const RIVAL_KNOWN: f64 = 0.93;
 
+/// Least share of support of a motion beyond doubt. Of the right ones of hard pairs 96 % have it; a
+/// street laid on the next one, or turned by 90 degrees, has 97 % and may lead by 9.
+const CERTAIN_SUPPORTED: f64 = 0.985;
+
 /// Least share of support of a motion that may be preferred to another.
 const PLAUSIBLE_SUPPORTED: f64 = 0.95;
 
@@ -131,8 +135,13 @@ impl Judgement {
         self.held.is_some_and(|held| held.is_over(least(&self.overlap)))
     }
 
-    /// True when they do by a wide margin.
-    pub(crate) fn is_clear(&self) -> bool {
+    /// True when no other candidates need be looked for: the lead is wide, and hardly a point is
+    /// contradicted.
+    pub(crate) fn is_beyond_doubt(&self) -> bool {
+        self.is_clear() && self.overlap.supported() >= CERTAIN_SUPPORTED
+    }
+
+    fn is_clear(&self) -> bool {
         self.held.is_some_and(|held| held.is_over(CLEAR_LEAD))
     }
 }
@@ -419,6 +428,17 @@ mod tests {
         for (found, expected) in along_m.as_flattened().iter().zip([1.0, -1.0, 2.0, -2.0]) {
             assert!((found - sign * expected).abs() < 0.05, "{along_m:?}");
         }
+    }
+
+    #[test]
+    fn a_wide_lead_with_points_that_contradict_is_not_beyond_doubt() {
+        let judged = |on, contradicted| {
+            let overlap = Overlap { on, contradicted, unknown: 1_000, covered: 0.6 };
+            let held = Some(Lead { disputed: 9.0, explained: 9.0 });
+            Judgement { overlap, open: Vec::new(), held }
+        };
+        assert!(judged(1_950, 50).confirms() && !judged(1_950, 50).is_beyond_doubt());
+        assert!(judged(1_990, 10).is_beyond_doubt());
     }
 
     #[test]
