@@ -36,7 +36,7 @@ const REFINED_ITERATIONS: usize = 30;
 ///    ([`Mac::candidates`]).
 /// 2. A score of each on both scans ([`Scene::score`]); the best, and the guess that was given, are
 ///    refined with ICP.
-/// 3. Of the refined ones the one that both scans prefer. Local methods finish it ([`Finish`]). If
+/// 3. Of the refined ones the one that both scans prefer. Local methods finish it. If
 ///    what the scans then say of it ([`Scene::judge`]) leaves no doubt, that is the end.
 /// 4. Otherwise the same with the features of all sizes. A motion that the scans do not confirm is
 ///    slid along the direction that they hold least, and what is found there compared with it.
@@ -248,5 +248,43 @@ impl Bench {
 impl Registration for Auto {
     fn register(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Outcome {
         self.found(target, source, initial).unwrap_or_else(|stop| Outcome::nothing(initial, stop))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use nalgebra::{Point3, Vector3};
+
+    use super::*;
+
+    /// Floor and four walls around the sensor, and perhaps a fifth, which fits one turn alone.
+    fn room(has_fifth: bool) -> Cloud {
+        let at = |i: i32| (i as f32 - 50.0) * 0.1;
+        let places = (0..=100).flat_map(|i| (0..=100).map(move |k| (at(i), at(k))));
+        let walls = |(x, y): (f32, f32)| {
+            let up = y / 2.5;
+            [[x, y, -2.0], [x, 5.0, up], [x, -5.0, up], [5.0, x, up], [-5.0, x, up]]
+        };
+        let fifth = places.clone().filter(|(x, _)| has_fifth && *x > 0.0);
+        let fifth = fifth.map(|(x, y)| [2.5, x, y / 2.5]);
+        Cloud::new(places.flat_map(walls).chain(fifth).map(Point3::from).collect())
+    }
+
+    fn turned() -> Pose {
+        Pose::new(Vector3::zeros(), Vector3::z() * FRAC_PI_2)
+    }
+
+    #[test]
+    fn a_motion_is_the_only_one_if_no_other_that_was_found_fits() {
+        for has_fifth in [true, false] {
+            let room = room(has_fifth);
+            let bench = Bench::new(&room, &room, 0.5).unwrap();
+            let found = [bench.look(Pose::identity()), bench.look(turned())];
+            let only = bench.only(&found).map(|only| only.motion);
+            assert_eq!(only, has_fifth.then(Pose::identity), "with a fifth wall: {has_fifth}");
+        }
     }
 }

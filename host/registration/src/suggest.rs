@@ -114,11 +114,13 @@ impl<'a> Suggestions<'a> {
     /// Settings of three fits that finish a motion found with voxels of `global_voxel_m`, from the
     /// coarsest. Where ranges are good to millimetres the finest is the best; where they are good
     /// to centimetres, the coarser ones.
-    pub(crate) fn finish(&self, global_voxel_m: f64) -> [IcpConfig; 3] {
+    /// None is smaller than `least_m`, if that is less than `global_voxel_m`.
+    pub(crate) fn finish(&self, global_voxel_m: f64, least_m: f64) -> [IcpConfig; 3] {
         let [coarse_m, middle_m, fine_m] = FINISH_VOXELS_M.map(|m| m * self.share_of_scene());
         let coarse_m = coarse_m.min(1.5 * self.radius_m() / VOXELS_A_RADIUS);
-        let coarse = self.refined(global_voxel_m, coarse_m);
-        let finer = [middle_m, fine_m].map(|m| IcpConfig::refinement(m.min(coarse.voxel_m)));
+        let coarse = self.refined(global_voxel_m, coarse_m.max(least_m));
+        let finer = [middle_m, fine_m].map(|m| m.max(least_m).min(coarse.voxel_m));
+        let finer = finer.map(IcpConfig::refinement);
         let fits = [coarse, finer[0], finer[1]];
         let can_run = fits.iter().all(|config| config.check().is_ok());
         if can_run { fits } else { FINISH_VOXELS_M.map(IcpConfig::refinement) }
@@ -309,6 +311,11 @@ mod tests {
             let voxel_m = suggest_features(a, b).voxel_m;
             let suggestions = Suggestions::new(a, b);
             assert_eq!(suggestions.refinement(voxel_m).check(), Ok(()));
+            for least_m in [0.0, 1.0, 1e9] {
+                let fits = suggestions.finish(voxel_m, least_m);
+                assert!(fits.iter().all(|fit| fit.check().is_ok()), "{fits:?}");
+                assert!(fits.is_sorted_by(|a, b| a.voxel_m >= b.voxel_m), "{fits:?}");
+            }
             assert_eq!(suggest_features(a, b).check(), Ok(()));
             let gicp = MethodConfig::Gicp(GicpConfig::from(&suggest(a, b)));
             assert_eq!(suggestions.method(Method::Gicp, FgrMode::Annealed, None), gicp);

@@ -11,7 +11,8 @@ use crate::{
     Suggestions, Target,
 };
 
-/// Most points of a cloud that are fitted: more cost time, and the error is below a millimetre.
+/// Number of points above which the finest voxels grow: more cost time, and the error is below a
+/// millimetre.
 const MOST_POINTS: f64 = 100_000.0;
 
 /// Number of neighbours of a normal in the finest fit, whose points lie closest together.
@@ -28,9 +29,11 @@ const ALIKE_RAD: f64 = 0.05;
 ///
 /// No method and no voxel is the best on every sensor: of 16 rings GICP's error is twice that of
 /// ICP, of 128 rings it is the smaller one. But each fit has a covariance, and the mean weighs by
-/// it ([`mean`]). The finest is ICP, the others are GICP.
+/// it ([`mean`]). The finest is ICP, the others are GICP: one, where their voxels are the same, as
+/// in rooms.
 pub(super) struct Finish {
-    fits: [Fit; 3],
+    /// The coarsest first.
+    fits: Vec<Fit>,
     /// Edge of the coarsest voxels, m.
     voxel_m: f64,
 }
@@ -45,40 +48,47 @@ impl Finish {
         global_voxel_m: f64,
     ) -> Result<Self, StopReason> {
         let suggestions = Suggestions::new(target, source);
-        let [coarse, middle, mut fine] = suggestions.finish(global_voxel_m);
         let thin = |voxel_m: f64| [target, source].map(|c| thinned(c, voxel_m, Convention::Sensor));
-        let mut thin_clouds = thin(fine.voxel_m);
+        let mut configs = suggestions.finish(global_voxel_m, 0.0);
+        let mut thin_clouds = thin(configs[2].voxel_m);
         let most = thin_clouds.iter().flatten().map(|cloud| cloud.points.len()).max();
         let excess = most.unwrap_or(0) as f64 / MOST_POINTS;
         if excess > 1.0 {
-            fine = IcpConfig::refinement((fine.voxel_m * excess.sqrt()).min(coarse.voxel_m));
-            thin_clouds = thin(fine.voxel_m);
+            let least_m = (configs[2].voxel_m * excess.sqrt()).min(global_voxel_m);
+            configs = suggestions.finish(global_voxel_m, least_m);
+            thin_clouds = thin(configs[2].voxel_m);
         }
         let [thin_target, thin_source] = &thin_clouds;
         let target = thin_target.as_ref().unwrap_or(target);
         let source = thin_source.as_ref().unwrap_or(source);
+        let [coarse, middle, fine] = configs;
         let fine = IcpConfig { normal_neighbours: FINE_NEIGHBOURS, ..fine };
-        let voxel_m = coarse.voxel_m;
         let gicp = |config| gicp(target, source, GicpConfig::from(config));
-        let (coarse, (middle, fine)) = rayon::join(
+        let has_middle = middle.voxel_m < coarse.voxel_m;
+        let (first, (second, third)) = rayon::join(
             || gicp(&coarse),
-            || rayon::join(|| gicp(&middle), || icp(target, source, fine)),
+            || rayon::join(|| has_middle.then(|| gicp(&middle)), || icp(target, source, fine)),
         );
-        Ok(Self { fits: [coarse?, middle?, fine?], voxel_m })
+        let fits = [Some(first), second, Some(third)].into_iter().flatten();
+        Ok(Self { fits: fits.collect::<Result<_, _>>()?, voxel_m: coarse.voxel_m })
     }
 
-    /// The mean of the fits from a start that converge; the coarsest alone where that leaves a
-    /// direction open, or none does.
+    /// The mean of the fits from a start that converge. The coarsest alone where none does, where
+    /// it leaves a direction open, and where it finds no motion.
     pub(super) fn from(&self, start: &Pose, unit_m: f32) -> Outcome {
-        let [coarse, finer @ ..] = &self.fits;
+        let Some((coarse, finer)) = self.fits.split_first() else {
+            return Outcome::nothing(start, StopReason::BadSettings);
+        };
         let first = coarse(start);
         if !is_found(&first) {
             return first;
         }
+        let mut iterations = first.iterations;
         let mut kept: Vec<Outcome> = Vec::new();
         kept.extend(first.stop.is_success().then(|| first.clone()));
         for fit in finer {
             let next = fit(kept.last().map_or(start, |last| &last.target_from_source));
+            iterations += next.iterations;
             let is_alike = |one: &Outcome| {
                 let [one, other] = [one, &next].map(|fit| &fit.target_from_source);
                 is_within(one, other, ALIKE_VOXELS * self.voxel_m, ALIKE_RAD)
@@ -87,9 +97,9 @@ impl Finish {
                 kept.push(next);
             }
         }
-        match kept.is_empty() {
-            true => settled(first, unit_m, |from| coarse(from)),
-            false => mean(kept),
+        match mean(&kept) {
+            Some(mean) => Outcome { iterations, ..mean },
+            None => settled(first, unit_m, |from| coarse(from)),
         }
     }
 }
@@ -127,37 +137,33 @@ fn is_found(fit: &Outcome) -> bool {
 /// The mean of some fits of one motion, by covariance intersection (Julier and Uhlmann, "A
 /// non-divergent estimation algorithm in the presence of unknown correlations", 1997) with equal
 /// weights: fits of the same clouds share errors, so three do not tell more than their mean does.
+/// None without a fit whose covariance can be inverted.
 ///
 /// ```text
-/// C⁻¹ = Σ Cᵢ⁻¹ / n      ξ = C Σ Cᵢ⁻¹ ξᵢ / n      Tᵢ = exp(ξᵢ) T₀
+/// C⁻¹ = Σ Cᵢ⁻¹ / n      ξ = C Σ Cᵢ⁻¹ ξᵢ / n      Tᵢ = exp(ξᵢ) T, T the last
 /// ```
 ///
 /// The rest is the last fit's, the finest.
-fn mean(fits: Vec<Outcome>) -> Outcome {
-    let iterations = fits.iter().map(|fit| fit.iterations).sum();
-    let about = fits[0].target_from_source;
-    let (mut information, mut right) = (Matrix6::zeros(), Vector6::zeros());
-    for fit in &fits {
-        let Some(inverse) = fit.covariance.and_then(|c| c.0.cholesky()).map(|c| c.inverse()) else {
-            continue;
-        };
-        information += inverse / fits.len() as f64;
-        right += inverse * error(&about, &fit.target_from_source) / fits.len() as f64;
-    }
-    let covariance = information.cholesky().map(|information| information.inverse());
-    let Some(last) = fits.into_iter().next_back() else {
-        return Outcome::nothing(&about, StopReason::TooFewPairs);
+fn mean(fits: &[Outcome]) -> Option<Outcome> {
+    let last = fits.last()?;
+    let about = last.target_from_source;
+    let known = |fit: &Outcome| {
+        let inverse = fit.covariance?.0.cholesky()?.inverse();
+        Some((inverse, inverse * error(&about, &fit.target_from_source)))
     };
-    let Some(covariance) = covariance else { return last };
+    let known: Vec<(Matrix6<f64>, Vector6<f64>)> = fits.iter().filter_map(known).collect();
+    let share = 1.0 / known.len().max(1) as f64;
+    let information = known.iter().map(|(inverse, _)| inverse * share).sum::<Matrix6<f64>>();
+    let right = known.iter().map(|(_, right)| right * share).sum::<Vector6<f64>>();
+    let covariance = information.cholesky()?.inverse();
     let moved = covariance * right;
     let turn = UnitQuaternion::from_scaled_axis(moved.fixed_rows::<3>(0).into_owned());
     let shift = Translation3::from(moved.fixed_rows::<3>(3).into_owned());
-    Outcome {
+    Some(Outcome {
         target_from_source: Pose::from_parts(shift, turn) * about,
         covariance: Some(Covariance(covariance)),
-        iterations,
-        ..last
-    }
+        ..last.clone()
+    })
 }
 
 #[cfg(test)]
@@ -178,26 +184,27 @@ mod tests {
 
     fn finished(fits: [Outcome; 3]) -> Outcome {
         let fits = fits.map(|end| Box::new(move |_: &Pose| end.clone()) as Fit);
-        Finish { fits, voxel_m: 0.3 }.from(&Pose::identity(), 1.0)
+        Finish { fits: fits.into(), voxel_m: 0.3 }.from(&Pose::identity(), 1.0)
     }
 
     #[test]
     fn along_each_axis_the_fit_counts_that_is_the_surest() {
         use StopReason::Converged;
-        let both = mean(vec![
+        let both = mean(&[
             fit([5.0, 0.0, 0.1], [0.001, 0.1, 0.01], Converged),
             fit([5.2, 0.1, 0.3], [0.1, 0.001, 0.01], Converged),
         ]);
+        let both = both.expect("covariances that can be inverted");
         let found = both.target_from_source.translation.vector;
         assert!((found - nalgebra::Vector3::new(5.0, 0.1, 0.2)).norm() < 1e-3, "{found}");
-        assert_eq!((both.iterations, both.stop), (6, Converged));
     }
 
     #[test]
     fn fits_that_share_their_clouds_are_no_surer_together() {
         let one = || fit([1.0, 2.0, 3.0], [0.01, 0.02, 0.03], StopReason::Converged);
-        let same = mean(vec![one(), one(), one()]);
-        let sds = same.covariance.map(|covariance| covariance.translation_sd_m());
+        let same = mean(&[one(), one(), one()]);
+        let sds =
+            same.and_then(|same| same.covariance).map(|covariance| covariance.translation_sd_m());
         let is_same = |sds: [f64; 3]| {
             sds.iter().zip([0.01, 0.02, 0.03]).all(|(sd, own)| (sd - own).abs() < 1e-9)
         };
@@ -211,7 +218,7 @@ mod tests {
         let coarse = || fit([0.1, 0.0, 0.0], [0.02; 3], Converged);
         for odd in [
             fit([0.2, 0.0, 0.0], sure, MaxIterations),
-            fit([0.1, 0.0, 0.0], sure, TooFewPairs),
+            fit([0.2, 0.0, 0.0], sure, TooFewPairs),
             fit([3.0, 0.0, 0.0], sure, Converged),
         ] {
             let end = finished([coarse(), odd.clone(), coarse()]);
@@ -221,6 +228,28 @@ mod tests {
         let end = finished([lost.clone(), coarse(), coarse()]);
         assert!((end.target_from_source.translation.x - 0.1).abs() < 1e-9, "{end:?}");
         assert_eq!(finished([lost.clone(), lost.clone(), lost]).iterations, 6, "begun again");
+    }
+
+    #[test]
+    fn a_fit_begins_where_the_last_one_that_converged_ended() {
+        use StopReason::{Converged, MaxIterations};
+        let moving = |by_m: f64, stop| -> Fit {
+            Box::new(move |start: &Pose| {
+                fit([start.translation.x + by_m, 0.0, 0.0], [0.01; 3], stop)
+            })
+        };
+        let end_m = |fits: [Fit; 3]| {
+            let end = Finish { fits: fits.into(), voxel_m: 0.3 }.from(&Pose::identity(), 1.0);
+            (end.target_from_source.translation.x, end.iterations)
+        };
+        // The mean of 0.1, 0.12 and 0.13 m, of as sure fits.
+        let all = [moving(0.1, Converged), moving(0.02, Converged), moving(0.01, Converged)];
+        let (found_m, iterations) = end_m(all);
+        assert!((found_m - 0.35 / 3.0).abs() < 1e-9 && iterations == 9, "{found_m}");
+        // Of 0.02 and 0.03 m: the first ran out of iterations.
+        let lost = [moving(0.1, MaxIterations), moving(0.02, Converged), moving(0.01, Converged)];
+        let (found_m, _) = end_m(lost);
+        assert!((found_m - 0.025).abs() < 1e-9, "{found_m}");
     }
 
     #[test]
