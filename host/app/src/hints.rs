@@ -150,7 +150,7 @@ fn unit(names: &[String; 2], radii_m: [f64; 2], mut scales: [f64; 2]) -> Option<
     ))
 }
 
-/// True when a ratio is less than `most` from 1, either way.
+/// True when a ratio is 1 within a factor of `most`.
 fn is_about(ratio: f64, most: f64) -> bool {
     ratio.max(1.0 / ratio) < most
 }

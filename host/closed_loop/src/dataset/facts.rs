@@ -75,6 +75,9 @@ impl fmt::Display for Facts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let phrase = |overlaps: &Overlaps, to: &str| {
             let Overlaps { pairs, overlap: [least, _, median, _, most] } = overlaps;
+            if *pairs == 0 {
+                return format!("no pairs to {to} on");
+            }
             format!("{pairs} pairs to {to} on, overlap {least:.2} to {most:.2}, median {median:.2}")
         };
         write!(f, "{}; {}", phrase(&self.train, "tune"), phrase(&self.test, "judge"))?;
