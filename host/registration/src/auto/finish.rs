@@ -7,8 +7,8 @@ use crate::covariance::error;
 use crate::overlap::{is_within, settled};
 use crate::prepared::thinned;
 use crate::{
-    Convention, Covariance, Gicp, GicpConfig, Icp, IcpConfig, Outcome, Source, StopReason,
-    Suggestions, Target,
+    Convention, Covariance, Gicp, GicpConfig, Icp, IcpConfig, Outcome, PrepareError, Source,
+    StopReason, Suggestions, Target,
 };
 
 /// Number of points above which the finest voxels grow: more cost time, and the error is below a
@@ -32,8 +32,9 @@ const ALIKE_RAD: f64 = 0.05;
 /// it ([`mean`]). The finest is ICP, the others are GICP: one, where their voxels are the same, as
 /// in rooms.
 pub(super) struct Finish {
-    /// The coarsest first.
-    fits: Vec<Fit>,
+    coarse: Fit,
+    /// The coarser first.
+    finer: Vec<Fit>,
     /// Edge of the coarsest voxels, m.
     voxel_m: f64,
 }
@@ -69,24 +70,21 @@ impl Finish {
             || gicp(&coarse),
             || rayon::join(|| has_middle.then(|| gicp(&middle)), || icp(target, source, fine)),
         );
-        let fits = [Some(first), second, Some(third)].into_iter().flatten();
-        Ok(Self { fits: fits.collect::<Result<_, _>>()?, voxel_m: coarse.voxel_m })
+        let finer = second.into_iter().chain([third]).collect::<Result<_, _>>()?;
+        Ok(Self { coarse: first?, finer, voxel_m: coarse.voxel_m })
     }
 
     /// The mean of the fits from a start that converge. The coarsest alone where none does, where
     /// it leaves a direction open, and where it finds no motion.
     pub(super) fn from(&self, start: &Pose, unit_m: f32) -> Outcome {
-        let Some((coarse, finer)) = self.fits.split_first() else {
-            return Outcome::nothing(start, StopReason::BadSettings);
-        };
-        let first = coarse(start);
+        let first = (self.coarse)(start);
         if !is_found(&first) {
             return first;
         }
         let mut iterations = first.iterations;
         let mut kept: Vec<Outcome> = Vec::new();
         kept.extend(first.stop.is_success().then(|| first.clone()));
-        for fit in finer {
+        for fit in &self.finer {
             let next = fit(kept.last().map_or(start, |last| &last.target_from_source));
             iterations += next.iterations;
             let is_alike = |one: &Outcome| {
@@ -99,7 +97,7 @@ impl Finish {
         }
         match mean(&kept) {
             Some(mean) => Outcome { iterations, ..mean },
-            None => settled(first, unit_m, |from| coarse(from)),
+            None => settled(first, unit_m, |from| (self.coarse)(from)),
         }
     }
 }
@@ -107,25 +105,26 @@ impl Finish {
 fn gicp(target: &Cloud, source: &Cloud, config: GicpConfig) -> Result<Fit, StopReason> {
     let gicp = Gicp::new(config).map_err(|_| StopReason::BadSettings)?;
     let prepare = |cloud| Target::prepare(cloud, &config);
-    let (target, source) = rayon::join(|| prepare(target), || prepare(source));
-    Ok(Box::new(move |start| {
-        let [target, source] = [&target, &source].map(|cloud| cloud.as_ref().map_err(|e| *e));
-        Outcome::of_prepared(target, source, start, |target, source| {
-            gicp.align(target, source, start)
-        })
-    }))
+    let clouds = rayon::join(|| prepare(target), || prepare(source));
+    Ok(fit(clouds, move |target, source, start| gicp.align(target, source, start)))
 }
 
 fn icp(target: &Cloud, source: &Cloud, config: IcpConfig) -> Result<Fit, StopReason> {
     let icp = Icp::new(config).map_err(|_| StopReason::BadSettings)?;
-    let (target, source) =
+    let clouds =
         rayon::join(|| Target::prepare(target, &config), || Source::prepare(source, &config));
-    Ok(Box::new(move |start| {
+    Ok(fit(clouds, move |target, source, start| icp.align(target, source, start)))
+}
+
+/// A method with both clouds as it takes them.
+fn fit<S: Send + Sync + 'static>(
+    (target, source): (Result<Target, PrepareError>, Result<S, PrepareError>),
+    align: impl Fn(&Target, &S, &Pose) -> Outcome + Send + Sync + 'static,
+) -> Fit {
+    Box::new(move |start| {
         let (target, source) = (target.as_ref().map_err(|e| *e), source.as_ref().map_err(|e| *e));
-        Outcome::of_prepared(target, source, start, |target, source| {
-            icp.align(target, source, start)
-        })
-    }))
+        Outcome::of_prepared(target, source, start, |target, source| align(target, source, start))
+    })
 }
 
 /// True when a fit ended at a motion that it determines in all directions.
@@ -184,7 +183,22 @@ mod tests {
 
     fn finished(fits: [Outcome; 3]) -> Outcome {
         let fits = fits.map(|end| Box::new(move |_: &Pose| end.clone()) as Fit);
-        Finish { fits: fits.into(), voxel_m: 0.3 }.from(&Pose::identity(), 1.0)
+        finish(fits).from(&Pose::identity(), 1.0)
+    }
+
+    fn finish([coarse, middle, fine]: [Fit; 3]) -> Finish {
+        Finish { coarse, finer: vec![middle, fine], voxel_m: 0.3 }
+    }
+
+    #[test]
+    fn a_room_has_one_fit_less_since_its_coarser_voxels_are_the_same() {
+        for (step_m, finer) in [(0.1, 1), (0.5, 2)] {
+            let at = |i: i16| [f32::from(i % 100 - 50), f32::from(i / 100 - 50), -10.0];
+            let points = (0..10_000).map(|i| at(i).map(|v| v * step_m).into());
+            let floor = Cloud::new(points.collect());
+            let finish = Finish::new(&floor, &floor, 1.0);
+            assert_eq!(finish.map(|finish| finish.finer.len()), Ok(finer), "{step_m}");
+        }
     }
 
     #[test]
@@ -239,7 +253,7 @@ mod tests {
             })
         };
         let end_m = |fits: [Fit; 3]| {
-            let end = Finish { fits: fits.into(), voxel_m: 0.3 }.from(&Pose::identity(), 1.0);
+            let end = finish(fits).from(&Pose::identity(), 1.0);
             (end.target_from_source.translation.x, end.iterations)
         };
         // The mean of 0.1, 0.12 and 0.13 m, of as sure fits.
