@@ -11,6 +11,7 @@ use std::path::Path;
 use echoloop_benches::pairs::{Pair, read_pairs};
 use echoloop_clouds::pose::{Pose, translation_error_m};
 use echoloop_registration::{FgrMode, Method, Suggestions, build};
+use echoloop_statistics::mean;
 use rayon::prelude::*;
 
 const VOXELS_M: [f64; 6] = [0.1, 0.15, 0.2, 0.3, 0.45, 0.7];
@@ -23,10 +24,6 @@ fn error_m(pair: &Pair, method: Method, voxel_m: Option<f64>, from: &Pose) -> f6
     let config = suggestions.method(method, FgrMode::Annealed, voxel_m);
     let found = build(&config, None).map(|m| m.register(&pair.target, &pair.source, from));
     found.map_or(f64::INFINITY, |found| translation_error_m(&found.target_from_source, &pair.truth))
-}
-
-fn mean(errors_m: &[f64]) -> f64 {
-    errors_m.iter().sum::<f64>() / errors_m.len().max(1) as f64
 }
 
 fn main() -> echoloop_benches::Result<()> {

@@ -9,7 +9,7 @@ use super::axis_flags::AxisFlags;
 use super::common::{Setup, TableFormat, on_threads};
 use super::exit::{self, Failure};
 use super::method_choice::MethodChoice;
-use super::prepared::{connect, percent, require_recall, traced};
+use super::prepared::{connect, percent, require_recall, traced_for};
 use super::progress::Progress;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::cost::CostKind;
@@ -17,7 +17,7 @@ use echoloop_closed_loop::dataset::Facts;
 use echoloop_closed_loop::evaluation::summary::{Summary, evaluate_and_cost};
 use echoloop_closed_loop::external_search::ExternalSearch;
 use echoloop_closed_loop::parameters::{Values, read_candidate, values_json};
-use echoloop_closed_loop::prepared::{PairSet, Preparation, Prepared};
+use echoloop_closed_loop::prepared::{PairSet, Prepared};
 use echoloop_closed_loop::search::Observer;
 use echoloop_report::pair_errors_csv;
 
@@ -81,10 +81,7 @@ fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), 
     let preparation = connect(config, &args.setup.sensor, &progress)?;
     let laid = preparation.start.with_values(values, &preparation.config, &preparation.hardware);
     let parameters = laid.map_err(|problem| args.refused(problem))?;
-    let trace = |preparation: Preparation, progress: &dyn Fn(f64, &str)| {
-        preparation.traced_for(args.pairs(), progress)
-    };
-    let prepared = traced(preparation, trace, &progress)?;
+    let prepared = traced_for(preparation, args.pairs(), &progress)?;
     if args.stream {
         return stream(&prepared, args.pairs(), &progress);
     }

@@ -11,10 +11,10 @@ use super::common::{Setup, on_threads};
 use super::exit::{self, Failure};
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::MethodChoice;
-use super::prepared::{connect, traced};
+use super::prepared::{connect, traced_for};
 use super::progress::Progress;
 use echoloop_closed_loop::config::RunConfig;
-use echoloop_closed_loop::prepared::{PairSet, Preparation};
+use echoloop_closed_loop::prepared::PairSet;
 use echoloop_closed_loop::run_folder::atomic_folder::AtomicFolder;
 use echoloop_closed_loop::scan_folder::pairs::{ScannedPair, scan_pairs, write_pairs};
 use echoloop_closed_loop::search::Observer;
@@ -53,10 +53,7 @@ pub(super) fn run(args: &PairsArgs) -> Result<(), Failure> {
 fn scan_and_write(args: &PairsArgs, config: RunConfig, stop: &AtomicBool) -> Result<(), Failure> {
     let progress = Progress::new(args.setup.common.quiet);
     let preparation = connect(config, &args.setup.sensor, &progress)?;
-    let trace = |preparation: Preparation, progress: &dyn Fn(f64, &str)| {
-        preparation.traced_for(args.pairs, progress)
-    };
-    let prepared = traced(preparation, trace, &progress)?;
+    let prepared = traced_for(preparation, args.pairs, &progress)?;
     progress.begin("listening", prepared.pairs(args.pairs).pairs.len() as u64);
     let scanned = scan_pairs(&prepared, args.pairs, stop, &|| progress.evaluated());
     progress.end();

@@ -9,7 +9,7 @@ use super::progress::Progress;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::dataset::{Dataset, DatasetError, Facts};
 use echoloop_closed_loop::evaluation::summary::Summary;
-use echoloop_closed_loop::prepared::{Preparation, Prepared};
+use echoloop_closed_loop::prepared::{PairSet, Preparation, Prepared};
 use echoloop_sensors::sensor::Model;
 
 /// Connects to the sensor of the flags, and checks the configuration's start against it.
@@ -41,6 +41,15 @@ pub(super) fn traced(
     let prepared = trace(preparation, &progress.scanning())?;
     progress.say(&Facts::new(&prepared.dataset).to_string());
     Ok(prepared)
+}
+
+/// [`traced`] for the sake of one set of pairs: [`Preparation::traced_for`].
+pub(super) fn traced_for(
+    preparation: Preparation,
+    set: PairSet,
+    progress: &Progress,
+) -> Result<Prepared, DatasetError> {
+    traced(preparation, |preparation, fraction| preparation.traced_for(set, fraction), progress)
 }
 
 /// Traces all pairs of a configuration, those of the check too.

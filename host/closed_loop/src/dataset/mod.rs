@@ -104,7 +104,7 @@ impl Dataset {
 
     fn of(
         config: &RunConfig,
-        only: Option<Split>,
+        needed: Option<Split>,
         check_pairs: usize,
         progress: &dyn Fn(f64, &str),
     ) -> Result<Self, DatasetError> {
@@ -116,6 +116,7 @@ impl Dataset {
             return Ok(recording::load(&folder, config, beams, progress)?);
         }
         let mut dataset = Self::empty(beams);
+        let is_needed = |split| needed.is_none_or(|needed| needed == split);
         let towns = towns(config);
         let RunConfig { data, .. } = config;
         let total = (data.train_pairs + data.test_pairs + check_pairs) as f64;
@@ -135,9 +136,7 @@ impl Dataset {
                 let plan = pair_plan(config, split, count, town);
                 let planned = poses_and_more(config, &place, &sight, (&plan, more), &looking);
                 let planned = match planned {
-                    Err(error) if is_no_room(&error) && only.is_some_and(|only| only != split) => {
-                        continue;
-                    }
+                    Err(error) if is_no_room(&error) && !is_needed(split) => continue,
                     planned => planned?,
                 };
                 for (number, pair) in planned.iter().enumerate() {
