@@ -1,11 +1,11 @@
 //! Maximal cliques that hold a root.
 
-use super::graph::Graph;
 use super::local::Local;
+use super::ranked::RankedGraph;
 use crate::bits::{WORD, count, members, ones};
 
-/// Words that the search below one root may read once it has found a clique; sparse graphs need far
-/// less. Sixteen times as many found no better motion on simulated scans.
+/// Words of sets without gaps that the search below one root may read once it has found a clique;
+/// sparse graphs need far less. Sixteen times as many found no better motion on simulated scans.
 const MAX_WORDS: u64 = 1 << 14;
 
 /// Words that it may read without one: enough to dive into a clique of some hundreds of nodes. A
@@ -27,9 +27,7 @@ pub(super) struct RootCliques {
 /// State shared by the searches from all roots.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CliqueProblem<'a> {
-    pub(super) graph: &'a Graph,
-    /// The place of each node in the degeneracy order.
-    pub(super) ranks: &'a [u32],
+    pub(super) graph: &'a RankedGraph,
     /// Least count of nodes of a clique.
     pub(super) least: usize,
 }
@@ -60,41 +58,38 @@ pub(super) struct CliqueSearch {
 }
 
 impl CliqueSearch {
-    /// The cliques of one root, ending after `max_cliques`.
+    /// The cliques of the root of a rank, ending after `max_cliques`.
     pub(super) fn run(
         &mut self,
-        &CliqueProblem { graph, ranks, least }: &CliqueProblem,
-        root: usize,
+        &CliqueProblem { graph, least }: &CliqueProblem,
+        root: u32,
         max_cliques: usize,
     ) -> RootCliques {
-        if graph.degree(root) + 1 < least {
-            return RootCliques::default();
-        }
-        self.local.load(graph, ranks, root);
-        if self.local.later + 1 < least {
+        self.local.load(graph, root);
+        let later = self.local.later.len();
+        if later + 1 < least {
             return RootCliques::default();
         }
         (self.least, self.max_cliques, self.words, self.found, self.cut) =
             (least, max_cliques, 0, 0, false);
         self.cliques.clear();
         self.best.clear();
-        self.best.resize(self.local.later + 1, None);
+        self.best.resize(later + 1, None);
         self.sets.clear();
-        self.sets.resize(self.width(), 0);
-        fill(&mut self.sets, self.local.later);
-        let earlier = self.local.nodes.len() - self.local.later;
-        fill(&mut self.sets[2 * self.local.later_words..], earlier);
-        self.expand(0, 0.0);
-        self.found(root as u32)
+        self.sets.resize(2 * self.local.later_words, 0);
+        fill(&mut self.sets, later);
+        self.sets.extend(&self.local.earlier);
+        self.expand(graph, 0, 0.0);
+        self.found(graph, root)
     }
 
     /// Words of one depth.
     fn width(&self) -> usize {
-        2 * self.local.later_words + self.local.earlier_words
+        2 * self.local.later_words + self.local.earlier.len()
     }
 
     /// Extends the clique by every candidate of this depth in turn; each is a later one.
-    fn expand(&mut self, depth: usize, weight: f64) {
+    fn expand(&mut self, graph: &RankedGraph, depth: usize, weight: f64) {
         let width = self.width();
         let base = depth * width;
         let candidates = count(&self.sets[base..base + self.local.later_words]);
@@ -109,7 +104,7 @@ impl CliqueSearch {
         if self.clique.len() + candidates + 1 < self.least {
             return;
         }
-        if self.is_known(base) {
+        if self.is_known(graph, base) {
             return;
         }
         let pivot = self.pivot(base, candidates);
@@ -120,13 +115,13 @@ impl CliqueSearch {
                 if self.cut {
                     return;
                 }
-                self.branch(depth, word * WORD + bit, weight);
+                self.branch(graph, depth, word * WORD + bit, weight);
             }
         }
     }
 
     /// Extends the clique by one candidate, and then marks the candidate as visited.
-    fn branch(&mut self, depth: usize, node: usize, weight: f64) {
+    fn branch(&mut self, graph: &RankedGraph, depth: usize, node: usize, weight: f64) {
         let (words, width) = (self.local.later_words, self.width());
         let (here, next) = self.sets[depth * width..].split_at_mut(width);
         let rows = self.local.to_later(node);
@@ -134,15 +129,16 @@ impl CliqueSearch {
             next[word] = here[word] & rows[word];
             next[words + word] = here[words + word] & rows[word];
         }
-        for (word, row) in self.local.to_earlier(node).iter().enumerate() {
+        for (word, row) in self.local.to_earlier(graph, node).iter().enumerate() {
             next[2 * words + word] = here[2 * words + word] & row;
         }
         let root = f64::from(self.local.root_weights[node]);
-        let added = root + self.local.weight_with(node, &self.clique);
-        self.words += (width + self.clique.len()) as u64;
+        let added = root + self.local.weight_with(graph, node, &self.clique);
+        let packed = 2 * words + self.local.packed_earlier_words;
+        self.words += (packed + self.clique.len()) as u64;
         self.cut |= self.words > if self.found > 0 { MAX_WORDS } else { MAX_WORDS_IN_VAIN };
         self.clique.push(node as u32);
-        self.expand(depth + 1, weight + added);
+        self.expand(graph, depth + 1, weight + added);
         self.clique.pop();
         let (word, bit) = (depth * width + node / WORD, 1 << (node % WORD));
         self.sets[word] &= !bit;
@@ -151,15 +147,15 @@ impl CliqueSearch {
 
     /// True when a node that is no candidate is linked to all candidates: then no clique below is
     /// maximal.
-    fn is_known(&mut self, base: usize) -> bool {
-        let (words, earlier_words) = (self.local.later_words, self.local.earlier_words);
+    fn is_known(&mut self, graph: &RankedGraph, base: usize) -> bool {
+        let words = self.local.later_words;
         let (p, rest) = self.sets[base..base + self.width()].split_at(words);
         let (past, earlier) = rest.split_at(words);
         self.common.clear();
         self.common.extend(past.iter().chain(earlier));
         for node in members(p) {
-            self.words += (words + earlier_words) as u64;
-            let row = self.local.to_later(node).iter().chain(self.local.to_earlier(node));
+            self.words += (words + self.local.packed_earlier_words) as u64;
+            let row = self.local.to_later(node).iter().chain(self.local.to_earlier(graph, node));
             let left = self.common.iter_mut().zip(row).fold(0, |left, (common, row)| {
                 *common &= row;
                 left | *common
@@ -200,7 +196,7 @@ impl CliqueSearch {
         }
         self.found += 1;
         self.cut |= self.found >= self.max_cliques;
-        let root = self.local.later as u32;
+        let root = self.local.later.len() as u32;
         let mut kept = false;
         for &node in self.clique.iter().chain([&root]) {
             let best = &mut self.best[node as usize];
@@ -214,16 +210,15 @@ impl CliqueSearch {
         }
     }
 
-    fn found(&self, root: u32) -> RootCliques {
+    fn found(&self, graph: &RankedGraph, root: u32) -> RootCliques {
         let mut chosen: Vec<usize> =
             self.best.iter().flatten().map(|(_, clique)| *clique).collect();
         chosen.sort_unstable();
         chosen.dedup();
         let global = |clique: usize| {
             let (locals, weight) = &self.cliques[clique];
-            let mut nodes: Vec<u32> =
-                locals.iter().map(|&local| self.local.nodes[local as usize]).collect();
-            nodes.push(root);
+            let ranks = locals.iter().map(|&local| self.local.later[local as usize]);
+            let mut nodes: Vec<u32> = ranks.chain([root]).map(|rank| graph.node(rank)).collect();
             nodes.sort_unstable();
             (nodes, *weight)
         };

@@ -5,6 +5,7 @@ mod degeneracy_order;
 mod graph;
 mod hypotheses;
 mod local;
+mod ranked;
 mod score;
 mod select;
 mod thin;

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::cliques::{CliqueProblem, CliqueSearch, RootCliques};
 use super::degeneracy_order::degeneracy_ranks;
 use super::graph::Graph;
+use super::ranked::RankedGraph;
 
 /// Roots searched between two checks of the count of cliques.
 const ROUND: usize = 256;
@@ -28,18 +29,15 @@ pub(super) struct Selection {
 /// the same cliques on any number of threads. Only what may be chosen is kept: memory grows with
 /// the nodes, not with the cliques.
 pub(super) fn heaviest(graph: &Graph, least: usize, max_cliques: usize) -> Selection {
-    let ranks = degeneracy_ranks(graph);
-    let problem = CliqueProblem { graph, ranks: &ranks, least };
-    let mut roots: Vec<u32> = (0..graph.len() as u32).collect();
-    roots.sort_unstable_by_key(|&root| std::cmp::Reverse(ranks[root as usize]));
+    let ranked = RankedGraph::new(graph, &degeneracy_ranks(graph));
+    let problem = CliqueProblem { graph: &ranked, least };
+    let roots: Vec<u32> = (0..ranked.len() as u32).rev().collect();
     let mut best = Best { of: vec![None; graph.len()], ..Best::default() };
     for round in roots.chunks(ROUND) {
         let left = max_cliques.saturating_sub(best.selection.found);
         let found: Vec<RootCliques> = round
             .par_iter()
-            .map_init(CliqueSearch::default, |search, &root| {
-                search.run(&problem, root as usize, left)
-            })
+            .map_init(CliqueSearch::default, |search, &root| search.run(&problem, root, left))
             .collect();
         found.into_iter().for_each(|found| best.take(found, max_cliques));
     }
