@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use self::finish::Finish;
 use crate::global::matched;
 use crate::overlap::{Looked, Scene, is_within};
+use crate::prepared::Surface;
 use crate::{
     AutoConfig, FeatureConfig, Icp, IcpConfig, Mac, MacConfig, Outcome, Registration, Source,
     StopReason, Target,
@@ -129,8 +130,14 @@ impl Bench {
             ..IcpConfig::refinement(voxel_m)
         };
         let icp = Icp::new(config).map_err(|_| StopReason::BadSettings)?;
-        let prepared = (Target::prepare(target, &config)?, Source::prepare(source, &config)?);
-        let (target, source) = (Scene::new(target, voxel_m)?, Scene::new(source, voxel_m)?);
+        let scenes = rayon::join(|| Scene::new(target, voxel_m), || Scene::new(source, voxel_m));
+        let (target, source) = (scenes.0?, scenes.1?);
+        let points = |scene: &Scene| Cloud::new(scene.points().to_vec());
+        let surface = Surface { shares_normals: true, ..Surface::from(&config) };
+        let prepared = rayon::join(
+            || Target::of_thinned(points(&target), &surface).0,
+            || Source::of_thinned(points(&source), &surface),
+        );
         Ok(Self { target, source, icp, prepared, same_m: SAME_VOXELS * voxel_m })
     }
 

@@ -5,18 +5,18 @@ use nalgebra::{Matrix6, Translation3, UnitQuaternion, Vector6};
 
 use crate::covariance::error;
 use crate::overlap::{is_within, settled};
-use crate::prepared::thinned;
+use crate::prepared::{Surface, thin};
 use crate::{
-    Convention, Covariance, Gicp, GicpConfig, Icp, IcpConfig, Outcome, PrepareError, Source,
-    StopReason, Suggestions, Target,
+    Covariance, Gicp, GicpConfig, Icp, IcpConfig, Outcome, PrepareError, Source, StopReason,
+    Suggestions, Target,
 };
 
 /// Number of points above which the finest voxels grow: more cost time, and the error is below a
 /// millimetre.
 const MOST_POINTS: f64 = 100_000.0;
 
-/// Number of neighbours of a normal in the finest fit, whose points lie closest together.
-const FINE_NEIGHBOURS: usize = 30;
+/// Number of neighbours of a normal in the finest fit.
+const FINE_NEIGHBOURS: usize = 22;
 
 /// Fits are estimates of one motion if they differ by less than this: a shift, in voxels of the
 /// coarsest, …
@@ -39,6 +39,9 @@ pub(super) struct Finish {
     voxel_m: f64,
 }
 
+/// A cloud as thin as the finest fit takes it, in the order of a tree.
+type Thin = Result<Cloud, PrepareError>;
+
 type Fit = Box<dyn Fn(&Pose) -> Outcome + Send + Sync>;
 
 impl Finish {
@@ -49,27 +52,27 @@ impl Finish {
         global_voxel_m: f64,
     ) -> Result<Self, StopReason> {
         let suggestions = Suggestions::new(target, source);
-        let thin = |voxel_m: f64| [target, source].map(|c| thinned(c, voxel_m, Convention::Sensor));
+        let thinned =
+            |voxel_m: f64| rayon::join(|| thin(target, voxel_m), || thin(source, voxel_m));
         let mut configs = suggestions.finish(global_voxel_m, 0.0);
-        let mut thin_clouds = thin(configs[2].voxel_m);
-        let most = thin_clouds.iter().flatten().map(|cloud| cloud.points.len()).max();
-        let excess = most.unwrap_or(0) as f64 / MOST_POINTS;
+        let mut thin_clouds = thinned(configs[2].voxel_m);
+        let points = |cloud: &Thin| cloud.as_ref().map_or(0, |cloud| cloud.points.len());
+        let most = points(&thin_clouds.0).max(points(&thin_clouds.1));
+        let excess = most as f64 / MOST_POINTS;
         if excess > 1.0 {
             let least_m = (configs[2].voxel_m * excess.sqrt()).min(global_voxel_m);
             configs = suggestions.finish(global_voxel_m, least_m);
-            thin_clouds = thin(configs[2].voxel_m);
+            thin_clouds = thinned(configs[2].voxel_m);
         }
-        let [thin_target, thin_source] = &thin_clouds;
-        let target = thin_target.as_ref().unwrap_or(target);
-        let source = thin_source.as_ref().unwrap_or(source);
         let [coarse, middle, fine] = configs;
         let fine = IcpConfig { normal_neighbours: FINE_NEIGHBOURS, ..fine };
+        let (thin_target, thin_source) = &thin_clouds;
+        let target = thin_target.as_ref().unwrap_or(target);
+        let source = thin_source.as_ref().unwrap_or(source);
         let gicp = |config| gicp(target, source, GicpConfig::from(config));
         let has_middle = middle.voxel_m < coarse.voxel_m;
-        let (first, (second, third)) = rayon::join(
-            || gicp(&coarse),
-            || rayon::join(|| has_middle.then(|| gicp(&middle)), || icp(target, source, fine)),
-        );
+        let (first, second) = rayon::join(|| gicp(&coarse), || has_middle.then(|| gicp(&middle)));
+        let third = icp(thin_clouds, fine);
         let finer = second.into_iter().chain([third]).collect::<Result<_, _>>()?;
         Ok(Self { coarse: first?, finer, voxel_m: coarse.voxel_m })
     }
@@ -104,16 +107,26 @@ impl Finish {
 
 fn gicp(target: &Cloud, source: &Cloud, config: GicpConfig) -> Result<Fit, StopReason> {
     let gicp = Gicp::new(config).map_err(|_| StopReason::BadSettings)?;
-    let prepare = |cloud| Target::prepare(cloud, &config);
+    let surface = sharing_normals(&config);
+    let prepare = |cloud| Target::prepare(cloud, surface);
     let clouds = rayon::join(|| prepare(target), || prepare(source));
     Ok(fit(clouds, move |target, source, start| gicp.align(target, source, start)))
 }
 
-fn icp(target: &Cloud, source: &Cloud, config: IcpConfig) -> Result<Fit, StopReason> {
+/// Of clouds that are as thin as it takes them.
+fn icp((target, source): (Thin, Thin), config: IcpConfig) -> Result<Fit, StopReason> {
     let icp = Icp::new(config).map_err(|_| StopReason::BadSettings)?;
-    let clouds =
-        rayon::join(|| Target::prepare(target, &config), || Source::prepare(source, &config));
+    let surface = sharing_normals(&config);
+    let clouds = rayon::join(
+        || target.map(|cloud| Target::of_thinned(cloud, &surface).0),
+        || source.map(|cloud| Source::of_thinned(cloud, &surface)),
+    );
     Ok(fit(clouds, move |target, source, start| icp.align(target, source, start)))
+}
+
+/// The fits' errors are as small as with a normal for each point.
+fn sharing_normals(config: impl Into<Surface>) -> Surface {
+    Surface { shares_normals: true, ..config.into() }
 }
 
 /// A method with both clouds as it takes them.

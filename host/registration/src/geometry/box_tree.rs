@@ -13,6 +13,9 @@ pub(crate) use self::kernel::{LaneKernel, Portable};
 /// Most levels, the leaves included: 8¹¹ points are more than 2³².
 const MOST_LEVELS: usize = 11;
 
+/// Points of half a leaf, which lie together.
+pub(super) const HALF: usize = WIDE / 2;
+
 /// Halves longer than this are arranged on two threads.
 const PARALLEL: usize = 8192;
 
@@ -69,15 +72,17 @@ pub(crate) fn ordered<T: Copy>(values: &[T], order: &[u32]) -> Vec<T> {
 /// Coordinates of a point, and its index in the input.
 type Place = ([f32; 3], u32);
 
-/// Orders points so that those of each node are adjacent: all nodes but the last hold `capacity`.
+/// Orders points so that those of each node are adjacent, and those of each half of a leaf: all
+/// nodes but the last hold `capacity`.
 fn arrange(places: &mut [Place], mut capacity: usize) {
-    if places.len() <= WIDE {
+    if places.len() <= HALF {
         return;
     }
     // From here on the points of a child of the topmost node.
     while capacity >= places.len() {
         capacity /= WIDE;
     }
+    let capacity = capacity.max(HALF);
     // Cut at a whole child, so that every node but the last is full.
     let middle = places.len().div_ceil(capacity) / 2 * capacity;
     let axis = widest(places);
@@ -191,11 +196,6 @@ impl BoxTree {
     /// The points, in the order of the tree.
     pub(crate) fn into_points(self) -> Vec<Point3<f32>> {
         self.points
-    }
-
-    /// The points of a leaf; none if there is no such leaf.
-    pub(super) fn leaf_points(&self, leaf: usize) -> &[Point3<f32>] {
-        self.points.chunks(WIDE).nth(leaf).unwrap_or_default()
     }
 
     /// Squared distances to the points of a leaf, m²; infinity in lanes without a point.

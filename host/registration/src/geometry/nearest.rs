@@ -3,11 +3,12 @@
 #[cfg(target_arch = "x86_64")]
 use echoloop_dispatch::V3;
 use echoloop_dispatch::dispatch;
+use nalgebra::Point3;
 
 use super::box_tree::{BoxTree, Corners, LaneKernel, Portable, WIDE, box_around};
 
-/// First reach of a search, in halves of a leaf's diagonal. On a surface that holds some twenty
-/// points.
+/// First reach of a search, in halves of the diagonal of the box around the queries. On a surface
+/// that holds some twenty points if they are those of a leaf.
 const FIRST_REACH: f32 = 1.5;
 
 /// Factor by which a search that found too few is widened.
@@ -17,20 +18,21 @@ const GROWTH: f32 = 1.5;
 /// leaf may not be.
 const LEAST_REACH: f32 = 1e-3;
 
-/// First reach in the next leaf, over the mean distance of the farthest neighbours in the last.
+/// First reach of the next queries, over the mean distance of the farthest neighbours of the last.
 const ROOM: f32 = 1.15;
 
-/// The nearest `max` points strictly within a radius of each point, the point itself included, of
-/// equally near ones those of lower index; a leaf of the tree at a time.
+/// The nearest `max` points strictly within a radius of each query, of equally near ones those of
+/// lower index; eight queries at a time.
 ///
-/// The eight points of a leaf have much the same neighbours: the tree is walked once for all of
-/// them, to the reach that the leaf before needed, and farther for those that found too few.
+/// Queries that lie together, as the eight points of a leaf, have much the same neighbours: the
+/// tree is walked once for all of them, to the reach that those before needed, and farther for
+/// those that found too few.
 /// Neither the neighbours nor their order, the tree's, depend on that reach.
 pub(super) struct Nearest<'a> {
     tree: &'a BoxTree,
     radius_m: f32,
     max: usize,
-    /// First reach in the next leaf, m.
+    /// First reach of the next queries, m.
     reach_m: Option<f32>,
     leaves: Vec<u32>,
     spare: Vec<u32>,
@@ -47,18 +49,18 @@ impl<'a> Nearest<'a> {
         Self { tree, radius_m, max, reach_m: None, leaves, spare, near, rows }
     }
 
-    /// The neighbours of each point of a leaf, in the tree's order.
-    pub(super) fn of_leaf(&mut self, leaf: usize) -> impl Iterator<Item = &[u32]> {
-        search_leaf(self, leaf);
-        let Rows { indices, ranges, points, .. } = &self.rows;
-        ranges[..*points].iter().map(|&(from, to)| &indices[from..to])
+    /// The neighbours of each query, in the tree's order; of the first eight.
+    pub(super) fn of(&mut self, queries: &[Point3<f32>]) -> impl Iterator<Item = &[u32]> {
+        search(self, queries);
+        let Rows { indices, ranges, queries, .. } = &self.rows;
+        ranges[..*queries].iter().map(|&(from, to)| &indices[from..to])
     }
 
     #[inline(always)]
-    fn search(&mut self, leaf: usize, kernel: impl LaneKernel) {
-        let points = self.tree.leaf_points(leaf);
-        self.rows.clear(points.len());
-        let around = box_around(points);
+    fn search(&mut self, queries: &[Point3<f32>], kernel: impl LaneKernel) {
+        let queries = &queries[..queries.len().min(WIDE)];
+        self.rows.clear(queries.len());
+        let around = box_around(queries);
         let first_m = self.reach_m.unwrap_or_else(|| first_reach_m(&around));
         let mut reach_m = first_m.max(LEAST_REACH * self.radius_m);
         loop {
@@ -67,11 +69,11 @@ impl<'a> Nearest<'a> {
             // Neighbours lie strictly within the radius.
             let limit = if last { (reach_m * reach_m).next_down() } else { reach_m * reach_m };
             self.tree.leaves_near(kernel, &around, limit, &mut self.leaves, &mut self.spare);
-            for (lane, point) in points.iter().enumerate() {
+            for (lane, query) in queries.iter().enumerate() {
                 if self.rows.has(lane) {
                     continue;
                 }
-                self.near.scan(self.tree, &self.leaves, &[point.x, point.y, point.z], limit);
+                self.near.scan(self.tree, &self.leaves, &[query.x, query.y, query.z], limit);
                 if last || self.near.count >= self.max {
                     let farthest = self.near.keep_nearest(self.max, limit);
                     self.rows.set(lane, self.near.kept(), farthest.sqrt());
@@ -82,7 +84,7 @@ impl<'a> Nearest<'a> {
             }
             reach_m *= GROWTH;
         }
-        self.reach_m = Some(ROOM * self.rows.farthest_m / points.len().max(1) as f32);
+        self.reach_m = Some(ROOM * self.rows.farthest_m / queries.len().max(1) as f32);
     }
 }
 
@@ -160,22 +162,22 @@ impl Near {
     }
 }
 
-/// Neighbours of the points of a leaf.
+/// Neighbours of at most eight queries.
 #[derive(Default)]
 struct Rows {
     indices: Vec<u32>,
     ranges: [(usize, usize); WIDE],
-    points: usize,
+    queries: usize,
     missing: u32,
     /// Sum of the distances of their farthest neighbours, m.
     farthest_m: f32,
 }
 
 impl Rows {
-    fn clear(&mut self, points: usize) {
+    fn clear(&mut self, queries: usize) {
         self.indices.clear();
-        (self.points, self.farthest_m) = (points, 0.0);
-        self.missing = (1 << points) - 1;
+        (self.queries, self.farthest_m) = (queries, 0.0);
+        self.missing = (1 << queries) - 1;
     }
 
     fn has(&self, lane: usize) -> bool {
@@ -196,8 +198,8 @@ impl Rows {
 }
 
 dispatch! {
-    /// Finds the neighbours of a leaf's points.
-    fn search_leaf(nearest: &mut Nearest, leaf: usize)
+    /// Finds the neighbours of some queries.
+    fn search(nearest: &mut Nearest, queries: &[Point3<f32>])
         = Nearest::search, with: Portable, v3_with: V3::here();
 }
 
@@ -226,10 +228,8 @@ mod tests {
 
     fn found(tree: &BoxTree, radius_m: f64, max: usize) -> Vec<Vec<u32>> {
         let mut nearest = Nearest::new(tree, radius_m, max);
-        let leaves = tree.points().len().div_ceil(WIDE);
-        (0..leaves)
-            .flat_map(|leaf| nearest.of_leaf(leaf).map(<[u32]>::to_vec).collect::<Vec<_>>())
-            .collect()
+        let leaves = tree.points().chunks(WIDE);
+        leaves.flat_map(|leaf| nearest.of(leaf).map(<[u32]>::to_vec).collect::<Vec<_>>()).collect()
     }
 
     /// The neighbours by a full scan.
@@ -260,8 +260,8 @@ mod tests {
             let tree = tree(&raw);
             let mut nearest = Nearest::new(&tree, f64::from(radius), max);
             let mut plain = Nearest::new(&tree, f64::from(radius), max);
-            for leaf in 0..raw.len().div_ceil(WIDE) {
-                search_leaf(&mut nearest, leaf);
+            for leaf in tree.points().chunks(WIDE) {
+                search(&mut nearest, leaf);
                 plain.search(leaf, Portable);
                 prop_assert_eq!(&nearest.rows.indices, &plain.rows.indices);
                 prop_assert_eq!(nearest.rows.ranges, plain.rows.ranges);
@@ -289,8 +289,11 @@ mod tests {
     }
 
     #[test]
-    fn a_leaf_that_is_not_there_has_no_points() {
+    fn without_queries_nothing_is_found_and_only_eight_are_asked() {
         let tree = tree(&[[1.0; 3]]);
-        assert_eq!(Nearest::new(&tree, 1.0, 5).of_leaf(7).count(), 0);
+        let mut nearest = Nearest::new(&tree, 1.0, 5);
+        for (queries, found) in [(0, 0), (3, 3), (9, 8)] {
+            assert_eq!(nearest.of(&vec![Point3::from([1.5; 3]); queries]).count(), found);
+        }
     }
 }

@@ -156,8 +156,8 @@ impl Scene {
         })
     }
 
-    /// The thinned points.
-    fn points(&self) -> &[Point3<f32>] {
+    /// The thinned points, in the order of a tree.
+    pub(crate) fn points(&self) -> &[Point3<f32>] {
         self.surface.tree.points()
     }
 
@@ -177,6 +177,7 @@ fn surface(voxel_m: f64) -> Surface {
         voxel_m,
         normal_radius_m: NORMAL_VOXELS * voxel_m,
         normal_neighbours: NORMAL_NEIGHBOURS,
+        shares_normals: false,
         source_normals: true,
     }
 }
