@@ -86,19 +86,26 @@ impl Auto {
         let first = self.candidates(target, source, FIRST_SCALE);
         let found =
             bench.found_with(&guess, first.clone(), self.config.max_refined.min(FIRST_REFINED));
+        let mut uncertain = None;
         if let Some(start) = bench.only(&found) {
             let (outcome, kept, is_certain) = bench.finished(finish()?, start);
-            let outcome = bench.with_rival(outcome, &kept, &found, &guess);
-            if outcome.stop.is_success() && is_certain {
-                return Ok(outcome);
+            let with_rival = bench.with_rival(outcome.clone(), &kept, &found, &guess);
+            if with_rival.stop.is_success() && is_certain {
+                return Ok(with_rival);
             }
+            uncertain = outcome.stop.is_success().then_some((outcome, kept, is_certain));
         }
         let of = |scale: &f64| self.candidates(target, source, *scale);
         let mut candidates = FINER_SCALES.par_iter().map(of).collect::<Vec<_>>().concat();
         candidates.extend(first);
         let mut found = bench.found_with(&guess, candidates, self.config.max_refined);
         let start = bench.preferred(&found).ok_or(StopReason::NoConsensus)?;
-        let (mut outcome, mut kept, _) = bench.finished(finish()?, start);
+        // From the same motion it would end at the same again.
+        let again = uncertain.filter(|(_, kept, _)| bench.is_same(&kept.motion, &start.motion));
+        let (mut outcome, mut kept, _) = match again {
+            Some(finished) => finished,
+            None => bench.finished(finish()?, start),
+        };
         if !outcome.stop.is_success() {
             let mut slides = bench.found(&bench.target.slides(&bench.source, &kept.motion));
             slides.insert(0, kept.clone());

@@ -120,7 +120,11 @@ impl<'a> Suggestions<'a> {
         let coarse_m = coarse_m.min(1.5 * self.radius_m() / VOXELS_A_RADIUS);
         let coarse = self.refined(global_voxel_m, coarse_m.max(least_m));
         let finer = [middle_m, fine_m].map(|m| m.max(least_m).min(coarse.voxel_m));
-        let finer = finer.map(IcpConfig::refinement);
+        // From where a coarser fit ended: no pair is far apart.
+        let finer = finer.map(|voxel_m| IcpConfig {
+            first_pair_distance_m: None,
+            ..IcpConfig::refinement(voxel_m)
+        });
         let fits = [coarse, finer[0], finer[1]];
         let can_run = fits.iter().all(|config| config.check().is_ok());
         if can_run { fits } else { FINISH_VOXELS_M.map(IcpConfig::refinement) }

@@ -2,6 +2,7 @@
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
+use echoloop_dispatch::dispatch;
 use nalgebra::Point3;
 
 use super::is_echo;
@@ -64,19 +65,106 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// Of all points that are echoes: their directions take most of the time.
+    /// Of all points that are echoes.
     pub(super) fn all(points: &[Point3<f32>]) -> Vec<Self> {
-        let echoes = points.iter().enumerate().filter(|(_, point)| is_echo(point));
-        let seen = |(at, point): (usize, &Point3<f32>)| Self {
-            point: at,
-            direction: direction(point),
-            range_m: point.coords.norm(),
-        };
-        echoes.map(seen).collect()
+        let mut seen = Vec::with_capacity(points.len());
+        see(points, &mut seen);
+        seen
     }
 }
 
+dispatch! {
+    /// Adds what the sensor saw at each point that is an echo.
+    fn see(points: &[Point3<f32>], seen: &mut Vec<Seen>) = see_inline;
+}
+
+#[inline(always)]
+fn see_inline(points: &[Point3<f32>], seen: &mut Vec<Seen>) {
+    for (block, points) in points.chunks(LANES).enumerate() {
+        let at = |lane: usize| points.get(lane).copied().unwrap_or_default();
+        // All angles before the first is kept: eight at a time.
+        let angles: [[f32; 2]; LANES] = std::array::from_fn(|lane| direction(&at(lane)));
+        for (lane, (point, direction)) in points.iter().zip(angles).enumerate() {
+            if is_echo(point) {
+                let range_m = point.coords.norm();
+                seen.push(Seen { point: block * LANES + lane, direction, range_m });
+            }
+        }
+    }
+}
+
+/// Directions that are computed at a time.
+const LANES: usize = 8;
+
 /// Azimuth, from 0 to 2 π, and elevation above straight down, rad.
+#[inline(always)]
 pub(super) fn direction(point: &Point3<f32>) -> [f32; 2] {
-    [point.y.atan2(point.x) + PI, point.z.atan2(point.x.hypot(point.y)) + FRAC_PI_2]
+    let across = (point.x * point.x + point.y * point.y).sqrt();
+    [atan2(point.y, point.x) + PI, atan2(point.z, across) + FRAC_PI_2]
+}
+
+/// `atan2` to 1e-6 rad, of finite numbers, without a branch.
+///
+/// Abramowitz and Stegun, "Handbook of Mathematical Functions", 1964, 4.4.49.
+#[inline(always)]
+fn atan2(y: f32, x: f32) -> f32 {
+    const POWERS: [f32; 8] = [
+        -0.333_331_45,
+        0.199_935_51,
+        -0.142_088_99,
+        0.106_562_64,
+        -0.075_289_64,
+        0.042_909_614,
+        -0.016_165_737,
+        0.002_866_226,
+    ];
+    let (across, up) = (x.abs(), y.abs());
+    let is_steep = up > across;
+    let (less, more) = if is_steep { (across, up) } else { (up, across) };
+    let slope = less / more.max(f32::MIN_POSITIVE);
+    let squared = slope * slope;
+    let series = POWERS.iter().rev().fold(0.0, |sum, power| (sum + power) * squared);
+    let angle = slope + slope * series;
+    let angle = if is_steep { FRAC_PI_2 - angle } else { angle };
+    let angle = if x < 0.0 { PI - angle } else { angle };
+    angle.copysign(y)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn angles_are_those_of_atan2(y in -1e3f32..1e3, x in -1e3f32..1e3, low in -40i32..1) {
+            for (y, x) in [(y, x), (y * 2f32.powi(low), x), (y, x * 2f32.powi(low))] {
+                prop_assert!((atan2(y, x) - y.atan2(x)).abs() < 1e-6, "{} {}", y, x);
+            }
+        }
+    }
+
+    #[test]
+    fn angles_on_the_axes_are_exact() {
+        for (y, x) in [(0.0, 0.0), (0.0, 2.0), (0.0, -2.0), (2.0, 0.0), (-2.0, 0.0), (-0.0, -1.0)] {
+            assert_eq!(atan2(y, x), f32::atan2(y, x), "{y} {x}");
+        }
+    }
+
+    #[test]
+    fn echoes_are_seen_and_other_points_are_not() {
+        let odd = [Point3::origin(), Point3::new(f32::NAN, 1.0, 0.0)];
+        let points: Vec<_> =
+            (0..20).flat_map(|i| [Point3::new(i as f32 - 9.5, 3.0, 1.0), odd[i % 2]]).collect();
+        let seen = Seen::all(&points);
+        assert!(seen.iter().map(|seen| seen.point).eq((0..20).map(|i| 2 * i)));
+        for Seen { point, direction: [azimuth, elevation], range_m } in seen {
+            let Point3 { coords: at } = points[point];
+            let turned = [azimuth - PI, elevation - FRAC_PI_2];
+            let expected = [at.y.atan2(at.x), at.z.atan2(at.x.hypot(at.y))];
+            assert!(turned.iter().zip(expected).all(|(angle, is)| (angle - is).abs() < 1e-5));
+            assert_eq!(range_m, at.norm());
+        }
+    }
 }
