@@ -1,5 +1,7 @@
 //! Maximal cliques that hold a root.
 
+use echoloop_dispatch::dispatch;
+
 use super::local::Local;
 use super::ranked::RankedGraph;
 use crate::bits::{WORD, count, members, ones};
@@ -149,43 +151,19 @@ impl CliqueSearch {
     /// maximal.
     fn is_known(&mut self, graph: &RankedGraph, base: usize) -> bool {
         let words = self.local.later_words;
-        let (p, rest) = self.sets[base..base + self.width()].split_at(words);
-        let (past, earlier) = rest.split_at(words);
+        let (p, others) = self.sets[base..base + self.width()].split_at(words);
         self.common.clear();
-        self.common.extend(past.iter().chain(earlier));
-        for node in members(p) {
-            self.words += (words + self.local.packed_earlier_words) as u64;
-            let row = self.local.to_later(node).iter().chain(self.local.to_earlier(graph, node));
-            let left = self.common.iter_mut().zip(row).fold(0, |left, (common, row)| {
-                *common &= row;
-                left | *common
-            });
-            if left == 0 {
-                return false;
-            }
-        }
-        true
+        self.common.extend(others);
+        let (is_known, looked_at) = are_all_linked(&self.local, graph, p, &mut self.common);
+        self.words += (looked_at * (words + self.local.packed_earlier_words)) as u64;
+        is_known
     }
 
     /// The candidate linked to most others: its links need no branch of their own.
     fn pivot(&mut self, base: usize, candidates: usize) -> usize {
-        let words = self.local.later_words;
-        let p = &self.sets[base..base + words];
-        let (mut most, mut pivot) = (None, 0);
-        for node in members(p) {
-            self.words += words as u64;
-            let links: usize = p
-                .iter()
-                .zip(self.local.to_later(node))
-                .map(|(a, b)| (a & b).count_ones() as usize)
-                .sum();
-            if most.is_none_or(|most| links > most) {
-                (most, pivot) = (Some(links), node);
-            }
-            if links + 1 == candidates {
-                break;
-            }
-        }
+        let p = &self.sets[base..base + self.local.later_words];
+        let (pivot, looked_at) = most_linked(&self.local, p, candidates);
+        self.words += (looked_at * self.local.later_words) as u64;
         pivot
     }
 
@@ -228,6 +206,67 @@ impl CliqueSearch {
             cut: self.cut,
         }
     }
+}
+
+dispatch! {
+    /// Keeps of some nodes, former candidates and earlier ones, those that are linked to all
+    /// candidates. True if any are, and how many candidates were looked at.
+    fn are_all_linked(
+        local: &Local,
+        graph: &RankedGraph,
+        p: &[u64],
+        common: &mut [u64]
+    ) -> (bool, usize) = are_all_linked_inline;
+
+    /// The candidate linked to most others, of equal ones the first, and how many were looked at.
+    fn most_linked(local: &Local, p: &[u64], candidates: usize) -> (usize, usize)
+        = most_linked_inline;
+}
+
+#[inline(always)]
+fn are_all_linked_inline(
+    local: &Local,
+    graph: &RankedGraph,
+    p: &[u64],
+    common: &mut [u64],
+) -> (bool, usize) {
+    let (past, earlier) = common.split_at_mut(local.later_words);
+    let mut looked_at = 0;
+    for node in members(p) {
+        looked_at += 1;
+        let left = keep_common(past, local.to_later(node))
+            | keep_common(earlier, local.to_earlier(graph, node));
+        if left == 0 {
+            return (false, looked_at);
+        }
+    }
+    (true, looked_at)
+}
+
+/// Keeps the members that are in both sets; 0 if there are none.
+#[inline(always)]
+fn keep_common(set: &mut [u64], other: &[u64]) -> u64 {
+    set.iter_mut().zip(other).fold(0, |left, (word, other)| {
+        *word &= other;
+        left | *word
+    })
+}
+
+#[inline(always)]
+fn most_linked_inline(local: &Local, p: &[u64], candidates: usize) -> (usize, usize) {
+    let (mut most, mut pivot, mut looked_at) = (None, 0, 0);
+    for node in members(p) {
+        looked_at += 1;
+        let both = p.iter().zip(local.to_later(node));
+        let links: usize = both.map(|(a, b)| (a & b).count_ones() as usize).sum();
+        if most.is_none_or(|most| links > most) {
+            (most, pivot) = (Some(links), node);
+        }
+        if links + 1 == candidates {
+            break;
+        }
+    }
+    (pivot, looked_at)
 }
 
 /// The first `len` bits.

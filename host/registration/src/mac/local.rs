@@ -1,5 +1,7 @@
 //! The subgraph around one root of the search.
 
+use echoloop_dispatch::dispatch;
+
 use super::ranked::RankedGraph;
 use crate::bits::{WORD, count, members};
 
@@ -47,23 +49,8 @@ impl Local {
             self.later.push(rank);
             self.root_weights.push(weight);
         }
-        self.link(graph);
-    }
-
-    /// Out of line, as it is most of the work of a root whose search is short.
-    #[inline(never)]
-    fn link(&mut self, graph: &RankedGraph) {
         self.rows.clear();
-        for &rank in &self.later {
-            let row = graph.row(rank);
-            self.rows.extend(self.later.chunks(WORD).map(|others| {
-                // Without a branch: half of the links are there by chance.
-                (0..).zip(others).fold(0, |bits, (lane, &other)| {
-                    let other = other as usize;
-                    bits | (row[other / WORD] >> (other % WORD) & 1) << lane
-                })
-            }));
-        }
+        link(graph, &self.later, &mut self.rows);
     }
 
     /// The later ones linked to a later one, as bits.
@@ -81,5 +68,24 @@ impl Local {
         let rank = self.later[local];
         let weight = |&other: &u32| graph.weight(rank, self.later[other as usize]);
         others.iter().map(|other| f64::from(weight(other))).sum()
+    }
+}
+
+dispatch! {
+    /// Adds a row for each of some ranks: its links to all of them, as bits.
+    fn link(graph: &RankedGraph, ranks: &[u32], rows: &mut Vec<u64>) = link_inline;
+}
+
+#[inline(always)]
+fn link_inline(graph: &RankedGraph, ranks: &[u32], rows: &mut Vec<u64>) {
+    for &rank in ranks {
+        let row = graph.row(rank);
+        rows.extend(ranks.chunks(WORD).map(|others| {
+            // Without a branch: half of the links are there by chance.
+            (0..).zip(others).fold(0, |bits, (lane, &other)| {
+                let other = other as usize;
+                bits | (row[other / WORD] >> (other % WORD) & 1) << lane
+            })
+        }));
     }
 }
