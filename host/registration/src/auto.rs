@@ -10,10 +10,10 @@ use rayon::prelude::*;
 use self::finish::Finish;
 use crate::global::matched;
 use crate::overlap::{Looked, Scene, is_within};
-use crate::prepared::Surface;
+use crate::prepared::{Surface, thin};
 use crate::{
-    AutoConfig, FeatureConfig, Icp, IcpConfig, Mac, MacConfig, Outcome, Registration, Source,
-    StopReason, Target,
+    AutoConfig, FeatureConfig, Icp, IcpConfig, Mac, MacConfig, Outcome, PrepareError, Registration,
+    Source, StopReason, Suggestions, Target,
 };
 
 /// Voxels of the features over the finest one. Features at 0.8 m describe a door, at 2.5 m a house;
@@ -56,6 +56,34 @@ const SAME_VOXELS: f64 = 0.6;
 /// … and a turn, rad.
 const SAME_RAD: f64 = 0.05;
 
+/// Both clouds, thinned once to the voxels of the finest fit. All that follows begins there: the
+/// points of a scan crowd near the sensor, and tell nothing more of the place.
+struct Clouds<'a> {
+    suggestions: Suggestions<'a>,
+    /// The target and the source as they came, …
+    given: [&'a Cloud; 2],
+    /// … and thinned, in the order of a tree.
+    thin: [Result<Cloud, PrepareError>; 2],
+}
+
+impl<'a> Clouds<'a> {
+    fn new(target: &'a Cloud, source: &'a Cloud) -> Self {
+        let suggestions = Suggestions::new(target, source);
+        let voxel_m = suggestions.finest_voxel_m();
+        let thin = rayon::join(|| thin(target, voxel_m), || thin(source, voxel_m)).into();
+        Self { suggestions, given: [target, source], thin }
+    }
+
+    /// As it came where it cannot be thinned.
+    fn target(&self) -> &Cloud {
+        self.thin[0].as_ref().unwrap_or(self.given[0])
+    }
+
+    fn source(&self) -> &Cloud {
+        self.thin[1].as_ref().unwrap_or(self.given[1])
+    }
+}
+
 /// Both scans, prepared for scoring and refining motions.
 struct Bench {
     target: Scene,
@@ -74,13 +102,14 @@ struct Guess {
 }
 
 impl Auto {
-    fn found(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Result<Outcome, StopReason> {
+    fn found(&self, clouds: &Clouds, initial: &Pose) -> Result<Outcome, StopReason> {
+        let (target, source) = (clouds.target(), clouds.source());
         let bench = Bench::new(target, source, self.config.voxel_m)?;
         let is_given = *initial != Pose::identity();
         let guess = Guess { initial: *initial, refined: bench.refined(initial), is_given };
         let prepared = OnceCell::new();
         let finish = || {
-            let new = || Finish::new(target, source, self.config.voxel_m);
+            let new = || Finish::new(clouds, self.config.voxel_m);
             prepared.get_or_init(new).as_ref().map_err(|stop| *stop)
         };
         let first = self.candidates(target, source, FIRST_SCALE);
@@ -261,7 +290,8 @@ impl Bench {
 
 impl Registration for Auto {
     fn register(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Outcome {
-        self.found(target, source, initial).unwrap_or_else(|stop| Outcome::nothing(initial, stop))
+        let clouds = Clouds::new(target, source);
+        self.found(&clouds, initial).unwrap_or_else(|stop| Outcome::nothing(initial, stop))
     }
 }
 

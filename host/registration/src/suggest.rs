@@ -42,6 +42,9 @@ const GROWTH: f64 = 1.25;
 /// voxel makes the far ones as dense.
 const ROUNDS: usize = 3;
 
+/// Number of points from which a radius is computed.
+const RADIUS_SAMPLES: usize = 200_000;
+
 /// Number of points whose neighbours are counted.
 const SAMPLES: usize = 500;
 
@@ -128,6 +131,11 @@ impl<'a> Suggestions<'a> {
         let fits = [coarse, finer[0], finer[1]];
         let can_run = fits.iter().all(|config| config.check().is_ok());
         if can_run { fits } else { FINISH_VOXELS_M.map(IcpConfig::refinement) }
+    }
+
+    /// Voxel of the finest fit, m.
+    pub(crate) fn finest_voxel_m(&self) -> f64 {
+        FINISH_VOXELS_M[2] * self.share_of_scene()
     }
 
     /// Voxel of the clouds for checking a motion, m: that of [`crate::Auto`].
@@ -248,10 +256,14 @@ fn filling_voxel_m(thinned: &Cloud) -> f64 {
     normal_m.max(feature_m)
 }
 
-/// Radius of the ball around the median point that holds 9 of 10 points, m; 0 without points.
+/// Radius of the ball around the median point that holds 9 of 10 points, m; 0 without points. Of
+/// more than 200,000 points, that of a sample.
 pub fn radius_m(cloud: &Cloud) -> f64 {
+    // Odd, since scans hold a power of two of rings, one point of each after the other.
+    let stride = cloud.points.len().div_ceil(RADIUS_SAMPLES).max(1) | 1;
+    let sample = cloud.points.iter().step_by(stride);
     let echoes: Vec<&Point3<f32>> =
-        cloud.points.iter().filter(|p| is_finite(p) && p.coords.norm() > 0.0).collect();
+        sample.filter(|p| is_finite(p) && p.coords.norm() > 0.0).collect();
     let middle = Point3::from([0, 1, 2].map(|axis| quantile(echoes.iter().map(|p| p[axis]), 0.5)));
     f64::from(quantile(echoes.iter().map(|p| (*p - middle).norm()), 0.9))
 }
@@ -297,6 +309,17 @@ mod tests {
                 .is_ok_and(|thin| thin.points.len() <= MOST_POINTS)
         );
         assert!(config.voxel_m < 2.6, "and not of far fewer: {config:?}");
+    }
+
+    #[test]
+    fn the_radius_of_a_large_cloud_is_that_of_all_its_rings() {
+        // 64 rings of 16,384 points, one of each ring after the other: the outer half within 32 m.
+        let at = |i: usize| {
+            let (ring, turn) = ((i % 64) as f32, (i / 64) as f32 * 0.001);
+            Point3::new(ring * turn.cos(), ring * turn.sin(), 0.0)
+        };
+        let radius_m = radius_m(&Cloud::new((0..64 * 16_384).map(at).collect()));
+        assert!((radius_m - 57.0).abs() < 2.0, "{radius_m}");
     }
 
     #[test]

@@ -3,12 +3,12 @@
 use echoloop_clouds::{Cloud, Pose};
 use nalgebra::{Matrix6, Translation3, UnitQuaternion, Vector6};
 
+use super::Clouds;
 use crate::covariance::error;
 use crate::overlap::{is_within, settled};
 use crate::prepared::{Surface, thin};
 use crate::{
-    Covariance, Gicp, GicpConfig, Icp, IcpConfig, Outcome, PrepareError, Source, StopReason,
-    Suggestions, Target,
+    Covariance, Gicp, GicpConfig, Icp, IcpConfig, Outcome, PrepareError, Source, StopReason, Target,
 };
 
 /// Number of points above which the finest voxels grow: more cost time, and the error is below a
@@ -39,40 +39,30 @@ pub(super) struct Finish {
     voxel_m: f64,
 }
 
-/// A cloud as thin as the finest fit takes it, in the order of a tree.
-type Thin = Result<Cloud, PrepareError>;
-
 type Fit = Box<dyn Fn(&Pose) -> Outcome + Send + Sync>;
 
 impl Finish {
     /// Prepares both clouds for motions whose error is a part of `global_voxel_m`.
-    pub(super) fn new(
-        target: &Cloud,
-        source: &Cloud,
-        global_voxel_m: f64,
-    ) -> Result<Self, StopReason> {
-        let suggestions = Suggestions::new(target, source);
-        let thinned =
-            |voxel_m: f64| rayon::join(|| thin(target, voxel_m), || thin(source, voxel_m));
-        let mut configs = suggestions.finish(global_voxel_m, 0.0);
-        let mut thin_clouds = thinned(configs[2].voxel_m);
-        let points = |cloud: &Thin| cloud.as_ref().map_or(0, |cloud| cloud.points.len());
-        let most = points(&thin_clouds.0).max(points(&thin_clouds.1));
-        let excess = most as f64 / MOST_POINTS;
+    pub(super) fn new(clouds: &Clouds, global_voxel_m: f64) -> Result<Self, StopReason> {
+        let (target, source) = (clouds.target(), clouds.source());
+        let mut configs = clouds.suggestions.finish(global_voxel_m, 0.0);
+        let excess = target.points.len().max(source.points.len()) as f64 / MOST_POINTS;
+        let mut finest = clouds.thin.clone();
         if excess > 1.0 {
             let least_m = (configs[2].voxel_m * excess.sqrt()).min(global_voxel_m);
-            configs = suggestions.finish(global_voxel_m, least_m);
-            thin_clouds = thinned(configs[2].voxel_m);
+            configs = clouds.suggestions.finish(global_voxel_m, least_m);
+            let [.., fine] = &configs;
+            let thin = |cloud| thin(cloud, fine.voxel_m);
+            finest = rayon::join(|| thin(target), || thin(source)).into();
         }
         let [coarse, middle, fine] = configs;
         let fine = IcpConfig { normal_neighbours: FINE_NEIGHBOURS, ..fine };
-        let (thin_target, thin_source) = &thin_clouds;
-        let target = thin_target.as_ref().unwrap_or(target);
-        let source = thin_source.as_ref().unwrap_or(source);
         let gicp = |config| gicp(target, source, GicpConfig::from(config));
         let has_middle = middle.voxel_m < coarse.voxel_m;
-        let (first, second) = rayon::join(|| gicp(&coarse), || has_middle.then(|| gicp(&middle)));
-        let third = icp(thin_clouds, fine);
+        let (first, (second, third)) = rayon::join(
+            || gicp(&coarse),
+            || rayon::join(|| has_middle.then(|| gicp(&middle)), || icp(finest, fine)),
+        );
         let finer = second.into_iter().chain([third]).collect::<Result<_, _>>()?;
         Ok(Self { coarse: first?, finer, voxel_m: coarse.voxel_m })
     }
@@ -113,8 +103,11 @@ fn gicp(target: &Cloud, source: &Cloud, config: GicpConfig) -> Result<Fit, StopR
     Ok(fit(clouds, move |target, source, start| gicp.align(target, source, start)))
 }
 
-/// Of clouds that are as thin as it takes them.
-fn icp((target, source): (Thin, Thin), config: IcpConfig) -> Result<Fit, StopReason> {
+/// Of clouds that are as thin as it takes them, in the order of a tree.
+fn icp(
+    [target, source]: [Result<Cloud, PrepareError>; 2],
+    config: IcpConfig,
+) -> Result<Fit, StopReason> {
     let icp = Icp::new(config).map_err(|_| StopReason::BadSettings)?;
     let surface = sharing_normals(&config);
     let clouds = rayon::join(
@@ -209,7 +202,7 @@ mod tests {
             let at = |i: i16| [f32::from(i % 100 - 50), f32::from(i / 100 - 50), -10.0];
             let points = (0..10_000).map(|i| at(i).map(|v| v * step_m).into());
             let floor = Cloud::new(points.collect());
-            let finish = Finish::new(&floor, &floor, 1.0);
+            let finish = Finish::new(&Clouds::new(&floor, &floor), 1.0);
             assert_eq!(finish.map(|finish| finish.finer.len()), Ok(finer), "{step_m}");
         }
     }
