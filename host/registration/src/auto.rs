@@ -169,7 +169,7 @@ impl Bench {
         let scenes = rayon::join(|| Scene::new(target, voxel_m), || Scene::new(source, voxel_m));
         let (target, source) = (scenes.0?, scenes.1?);
         let points = |scene: &Scene| Cloud::new(scene.points().to_vec());
-        let surface = Surface { shares_normals: true, ..Surface::from(&config) };
+        let surface = Surface::from(&config);
         let prepared = rayon::join(
             || Target::of_thinned(points(&target), &surface).0,
             || Source::of_thinned(points(&source), &surface),
