@@ -24,6 +24,9 @@ const FIRST_SCALE: f64 = 3.125;
 /// Candidates of the first scale that are refined.
 const FIRST_REFINED: usize = 3;
 
+/// Lead over a rival, standard deviations, from which the first scale suffices.
+const FAR_LEAD: f64 = 20.0;
+
 /// Largest distance of the first and of the last pairs when a candidate is refined, in voxels.
 const REFINED_VOXELS: [f64; 2] = [5.0, 1.25];
 
@@ -223,10 +226,13 @@ impl Bench {
         found
     }
 
-    /// The motion that the scans prefer, if they agree with it, and no other fits them.
+    /// The motion that the scans prefer, if they agree with it, and no other comes near to fitting
+    /// them as well.
     fn only<'a>(&self, found: &'a [Looked]) -> Option<&'a Looked> {
         let start = self.preferred(found).filter(|start| start.agrees())?;
-        self.target.rival(&self.source, start, found).is_none().then_some(start)
+        let rival = self.target.rival(&self.source, start, found);
+        let is_far = rival.is_none_or(|rival| !rival.is_as_good && rival.lead >= FAR_LEAD);
+        is_far.then_some(start)
     }
 
     /// The motions that ICP reaches from some starts, best first.
