@@ -328,6 +328,16 @@ mod tests {
     }
 
     #[test]
+    fn points_that_are_there_more_than_once_count_once() {
+        let room = room(true);
+        let often = Cloud::new(room.points.iter().flat_map(|point| [*point; 3]).collect());
+        let auto = Auto { config: AutoConfig::outdoor() };
+        let [once, thrice] = [&room, &often].map(|c| auto.register(c, &room, &Pose::identity()));
+        assert!(once.stop.is_success(), "{once:?}");
+        assert_eq!(once, thrice);
+    }
+
+    #[test]
     fn a_motion_is_the_only_one_if_no_other_that_was_found_fits() {
         for has_fifth in [true, false] {
             let room = room(has_fifth);

@@ -471,6 +471,18 @@ mod tests {
 
     proptest! {
         #[test]
+        fn the_halves_of_a_leaf_lie_apart(raw in cloud()) {
+            let tree = tree(&raw);
+            for leaf in tree.points().chunks(WIDE).filter(|leaf| leaf.len() > HALF) {
+                let (first, last) = leaf.split_at(HALF);
+                let apart = |axis: usize| {
+                    first.iter().all(|a| last.iter().all(|b| a[axis] <= b[axis]))
+                };
+                prop_assert!((0..3).any(apart), "{:?}", leaf);
+            }
+        }
+
+        #[test]
         fn the_nearest_is_a_full_scan_s_bit_for_bit(
             raw in cloud(),
             query in query(),

@@ -265,6 +265,28 @@ mod tests {
         }
     }
 
+    #[test]
+    fn four_points_share_the_plane_of_their_middle() {
+        // A bent sheet: the normal turns from point to point.
+        let at = |i: usize| {
+            let (x, y) = ((i % 40) as f32 * 0.1, (i / 40) as f32 * 0.1);
+            Point3::new(x, y, -2.0 - (0.7 * x).sin())
+        };
+        let points: Vec<_> = (0..1_003).map(at).collect();
+        let tree = BoxTree::new(box_tree::ordered(&points, &box_tree::order(&points)));
+        let planes = of_halves(&tree, 1.0, 12);
+        let mut nearest = Nearest::new(&tree, 1.0, 12);
+        for (half, planes) in tree.points().chunks(4).zip(planes.chunks(4)) {
+            let sum = half.iter().map(|p| p.coords).sum::<Vector3<f32>>();
+            let middle = Point3::from(sum / half.len() as f32);
+            let found = nearest.of(&[middle]).next().unwrap().to_vec();
+            let own = plane_at(tree.points(), &middle, &found).unwrap();
+            assert!(planes.iter().all(|plane| plane.normal == own.normal));
+        }
+        let differ = planes.chunks(4).filter(|four| four[0].normal != planes[0].normal).count();
+        assert!(differ > 200, "{differ}");
+    }
+
     // Literals of Open3D (MIT), cpp/tests/geometry/PointCloud.cpp, EstimateNormals: the corners of
     // a cube, 4 neighbours.
     #[test]
