@@ -57,13 +57,18 @@ def measure(ours, files, rounds):
     for _ in range(rounds):
         for who, run in runs.items():
             took[who].append(run())
-    return len(source), {who: (min(t.cpu_ms for t in all_), errors(all_[-1].pose, files.truth)[0]) for who, all_ in took.items()}
+    least = {}
+    for who, runs_of in took.items():
+        failed = any(run is None or run.pose is None for run in runs_of)
+        error_m = np.inf if failed else errors(runs_of[-1].pose, files.truth)[0]
+        least[who] = np.nan if failed else min(run.cpu_ms for run in runs_of), error_m
+    return len(source), least
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--stages", required=True, help="our benches/stages, built")
-    parser.add_argument("--work", type=Path, default=Path("target/peers"), help="folder for the town's clouds")
+    parser.add_argument("--work", type=Path, required=True, help="folder for the town's clouds")
     parser.add_argument("--town", type=int, nargs=2, action="append", default=[], metavar=("COLUMNS", "RINGS"))
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("folders", type=Path, nargs="*")
