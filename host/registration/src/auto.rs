@@ -8,6 +8,7 @@ use echoloop_clouds::{Cloud, Pose};
 use rayon::prelude::*;
 
 use self::finish::Finish;
+use crate::geometry::voxel;
 use crate::global::matched;
 use crate::overlap::{Looked, Scene, is_within};
 use crate::prepared::{Surface, thin};
@@ -36,12 +37,14 @@ const REFINED_ITERATIONS: usize = 30;
 /// Robust global registration: candidates from several scales, checked on the points of both
 /// scans.
 ///
+/// 0. Both clouds are thinned once, to the voxels of the finest fit.
 /// 1. Features of the coarsest of four voxel sizes, and the motions that most matches agree with
 ///    ([`Mac::candidates`]).
 /// 2. A score of each on both scans ([`Scene::score`]); the best, and the guess that was given, are
 ///    refined with ICP.
 /// 3. Of the refined ones the one that both scans prefer. Local methods finish it. If
-///    what the scans then say of it ([`Scene::judge`]) leaves no doubt, that is the end.
+///    what the scans then say of it ([`Scene::judge`]) leaves no doubt, and all others are far
+///    behind, that is the end.
 /// 4. Otherwise the same with the features of all sizes. A motion that the scans do not confirm is
 ///    slid along the direction that they hold least, and what is found there compared with it.
 /// 5. The best of the other candidates, its rival: one as good makes the motion ambiguous.
@@ -67,14 +70,17 @@ struct Clouds<'a> {
     given: [&'a Cloud; 2],
     /// … and thinned, in the order of a tree.
     thin: [Result<Cloud, PrepareError>; 2],
+    /// Edge of their voxels, m.
+    voxel_m: f64,
 }
 
 impl<'a> Clouds<'a> {
-    fn new(target: &'a Cloud, source: &'a Cloud) -> Self {
+    /// Thins both for a global voxel, m.
+    fn new(target: &'a Cloud, source: &'a Cloud, global_voxel_m: f64) -> Self {
         let suggestions = Suggestions::new(target, source);
-        let voxel_m = suggestions.finest_voxel_m();
+        let voxel_m = suggestions.finest_voxel_m().min(global_voxel_m);
         let thin = rayon::join(|| thin(target, voxel_m), || thin(source, voxel_m)).into();
-        Self { suggestions, given: [target, source], thin }
+        Self { suggestions, given: [target, source], thin, voxel_m }
     }
 
     /// As it came where it cannot be thinned.
@@ -84,6 +90,20 @@ impl<'a> Clouds<'a> {
 
     fn source(&self) -> &Cloud {
         self.thin[1].as_ref().unwrap_or(self.given[1])
+    }
+
+    /// The scenes of both. Their σ_R are the largest of each voxel: saturated echoes err alike.
+    fn scenes(&self, voxel_m: f64) -> Result<(Scene, Scene), PrepareError> {
+        let thin_m = self.voxel_m;
+        let scene = |given: &Cloud, thin: &Cloud| {
+            let reports = given.range_sd_m.is_some();
+            let with_sds = reports.then(|| voxel::downsample_to_largest_sd(given, thin_m));
+            Scene::new(with_sds.and_then(Result::ok).as_ref().unwrap_or(thin), voxel_m)
+        };
+        let [given_target, given_source] = self.given;
+        let (target, source) = (self.target(), self.source());
+        let both = rayon::join(|| scene(given_target, target), || scene(given_source, source));
+        Ok((both.0?, both.1?))
     }
 }
 
@@ -107,7 +127,7 @@ struct Guess {
 impl Auto {
     fn found(&self, clouds: &Clouds, initial: &Pose) -> Result<Outcome, StopReason> {
         let (target, source) = (clouds.target(), clouds.source());
-        let bench = Bench::new(target, source, self.config.voxel_m)?;
+        let bench = Bench::new(clouds, self.config.voxel_m)?;
         let is_given = *initial != Pose::identity();
         let guess = Guess { initial: *initial, refined: bench.refined(initial), is_given };
         let prepared = OnceCell::new();
@@ -132,8 +152,12 @@ impl Auto {
         candidates.extend(first);
         let mut found = bench.found_with(&guess, candidates, self.config.max_refined);
         let start = bench.preferred(&found).ok_or(StopReason::NoConsensus)?;
-        // From the same motion it would end at the same again.
-        let again = uncertain.filter(|(_, kept, _)| bench.is_same(&kept.motion, &start.motion));
+        // Where it ended it would end again.
+        let again = uncertain.filter(|(_, kept, _)| {
+            let both = [kept.clone(), start.clone()];
+            let preferred = bench.preferred(&both).map(|preferred| preferred.motion);
+            bench.is_same(&kept.motion, &start.motion) && preferred == Some(kept.motion)
+        });
         let (mut outcome, mut kept, _) = match again {
             Some(finished) => finished,
             None => bench.finished(finish()?, start),
@@ -160,7 +184,7 @@ impl Auto {
 }
 
 impl Bench {
-    fn new(target: &Cloud, source: &Cloud, voxel_m: f64) -> Result<Self, StopReason> {
+    fn new(clouds: &Clouds, voxel_m: f64) -> Result<Self, StopReason> {
         let [first_m, last_m] = REFINED_VOXELS.map(|voxels| voxels * voxel_m);
         let config = IcpConfig {
             first_pair_distance_m: Some(first_m),
@@ -169,8 +193,8 @@ impl Bench {
             ..IcpConfig::refinement(voxel_m)
         };
         let icp = Icp::new(config).map_err(|_| StopReason::BadSettings)?;
-        let scenes = rayon::join(|| Scene::new(target, voxel_m), || Scene::new(source, voxel_m));
-        let (target, source) = (scenes.0?, scenes.1?);
+        let (target, source) = clouds.scenes(voxel_m)?;
+        // Of the points that are surface: those that their sensor calls imprecise lead nowhere.
         let points = |scene: &Scene| Cloud::new(scene.points().to_vec());
         let surface = Surface::from(&config);
         let prepared = rayon::join(
@@ -296,7 +320,7 @@ impl Bench {
 
 impl Registration for Auto {
     fn register(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Outcome {
-        let clouds = Clouds::new(target, source);
+        let clouds = Clouds::new(target, source, self.config.voxel_m);
         self.found(&clouds, initial).unwrap_or_else(|stop| Outcome::nothing(initial, stop))
     }
 }
@@ -341,7 +365,7 @@ mod tests {
     fn a_motion_is_the_only_one_if_no_other_that_was_found_fits() {
         for has_fifth in [true, false] {
             let room = room(has_fifth);
-            let bench = Bench::new(&room, &room, 0.5).unwrap();
+            let bench = Bench::new(&Clouds::new(&room, &room, 0.5), 0.5).unwrap();
             let found = [bench.look(Pose::identity()), bench.look(turned())];
             let only = bench.only(&found).map(|only| only.motion);
             assert_eq!(only, has_fifth.then(Pose::identity), "with a fifth wall: {has_fifth}");

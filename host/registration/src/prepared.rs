@@ -55,8 +55,8 @@ impl From<&GicpConfig> for Surface {
 }
 
 /// A cloud to register to: thinned, with normals and a tree. Preparing it is half the work of a
-/// registration, so keep it while `voxel_m`, `normal_radius_m` and `normal_neighbours` stay the
-/// same. Generalised ICP takes its source in this form too.
+/// registration, so keep it while its [`Surface`] stays the same. Generalised ICP takes its source
+/// in this form too.
 #[derive(Clone, Debug)]
 pub struct Target {
     pub(super) tree: BoxTree,

@@ -37,7 +37,13 @@ pub enum VoxelError {
 ///
 /// [`VoxelError`] when the edge is not positive, or so small that 64 bits cannot number the cells.
 pub fn downsample(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelError> {
-    means(cloud, voxel_m, [0.0; 3])
+    means(cloud, voxel_m, [0.0; 3], mean_sd)
+}
+
+/// [`downsample`] with the largest σ_R of each voxel's points: errors that they share, as of
+/// saturated echoes, are no smaller in the mean.
+pub fn downsample_to_largest_sd(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelError> {
+    means(cloud, voxel_m, [0.0; 3], largest_sd)
 }
 
 /// [`downsample`] on Open3D's grid, which starts half a voxel below the least coordinates.
@@ -47,10 +53,15 @@ pub fn downsample_open3d(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelErro
         [0, 1, 2].map(|axis| least[axis].min(f64::from(p[axis])))
     });
     let start = least.map(|v| if v.is_finite() { v - 0.5 * voxel_m } else { 0.0 });
-    means(cloud, voxel_m, start)
+    means(cloud, voxel_m, start, mean_sd)
 }
 
-fn means(cloud: &Cloud, voxel_m: f64, start_m: [f64; 3]) -> Result<Cloud, VoxelError> {
+fn means(
+    cloud: &Cloud,
+    voxel_m: f64,
+    start_m: [f64; 3],
+    sd_of: fn(&[f32], &[Run]) -> f32,
+) -> Result<Cloud, VoxelError> {
     if !(voxel_m > 0.0 && voxel_m.is_finite()) {
         return Err(VoxelError::Size(voxel_m));
     }
@@ -62,7 +73,7 @@ fn means(cloud: &Cloud, voxel_m: f64, start_m: [f64; 3]) -> Result<Cloud, VoxelE
     let cells = || sorted.chunk_by(|a, b| a.key == b.key);
     let mut means = Cloud::new(cells().map(|cell| mean(points, cell)).collect());
     means.range_sd_m =
-        cloud.range_sd_m.as_ref().map(|sds| cells().map(|cell| mean_sd(sds, cell)).collect());
+        cloud.range_sd_m.as_ref().map(|sds| cells().map(|cell| sd_of(sds, cell)).collect());
     Ok(means)
 }
 
@@ -100,6 +111,10 @@ fn mean_sd(sds: &[f32], cell: &[Run]) -> f32 {
     let of_cell = cell.iter().flat_map(|run| run.of(sds));
     let sum: f64 = of_cell.map(|sd| f64::from(*sd) * f64::from(*sd)).sum();
     (sum.sqrt() / points_in(cell)) as f32
+}
+
+fn largest_sd(sds: &[f32], cell: &[Run]) -> f32 {
+    cell.iter().flat_map(|run| run.of(sds)).copied().fold(f32::NAN, f32::max)
 }
 
 /// Numbers the cells of the box around a cloud, x fastest.
@@ -286,6 +301,15 @@ mod tests {
         cloud.range_sd_m = Some(vec![0.02, 0.05, 0.02, 0.02, 0.02]);
         let sds = downsample(&cloud, 1.0).unwrap().range_sd_m.unwrap();
         assert!((sds[0] - 0.01).abs() < 1e-8 && (sds[1] - 0.05).abs() < 1e-8, "{sds:?}");
+    }
+
+    #[test]
+    fn errors_that_points_share_are_no_smaller_in_their_mean() {
+        let points = [[0.1, 0.5, 0.5], [9.5, 0.5, 0.5], [0.3, 0.5, 0.5], [5.5, 0.5, 0.5]];
+        let mut cloud = cloud(&points);
+        cloud.range_sd_m = Some(vec![0.02, 0.05, 0.03, f32::NAN]);
+        let sds = downsample_to_largest_sd(&cloud, 1.0).unwrap().range_sd_m.unwrap();
+        assert!(sds[0] == 0.03 && sds[1].is_nan() && sds[2] == 0.05, "{sds:?}");
     }
 
     #[test]

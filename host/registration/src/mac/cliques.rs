@@ -6,8 +6,9 @@ use super::local::Local;
 use super::ranked::RankedGraph;
 use crate::bits::{WORD, count, members, ones};
 
-/// Words of sets without gaps that the search below one root may read once it has found a clique;
-/// sparse graphs need far less. Sixteen times as many found no better motion on simulated scans.
+/// Words that the search below one root may read once it has found a clique, counted as if sets of
+/// earlier nodes had no gaps; sparse graphs need far less. Sixteen times as many found no better
+/// motion on simulated scans.
 const MAX_WORDS: u64 = 1 << 14;
 
 /// Words that it may read without one: enough to dive into a clique of some hundreds of nodes. A

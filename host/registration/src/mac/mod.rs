@@ -48,11 +48,11 @@ const MAX_CANDIDATES: usize = 200;
 /// 4. Motions: the least squares of each clique, scored over all matches.
 /// 5. The final refit of the best, and of the best that is clearly another.
 ///
-/// The published code takes quadratic memory and any number of cliques, and reads the truth; this
-/// does not. Where that cuts a graph that is too dense by clustering coefficients and Otsu's
-/// threshold, this gives up matches of few links and searches that take too long, and counts them
-/// in [`MacReport`].
-/// The same input gives the same bytes on any number of threads.
+/// The published code takes 8 bytes for each pair of matches and any number of cliques, and reads
+/// the truth; this takes 5 bits, bounds the cliques, and does not. Where that cuts a graph that is
+/// too dense by clustering coefficients and Otsu's threshold, this gives up matches of few links
+/// and searches that take too long, and counts them in [`MacReport`]. The same input gives the same
+/// bytes on any number of threads.
 #[derive(Clone, Debug)]
 pub struct Mac {
     pub(super) config: MacConfig,
