@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from common import PairFiles, errors, offset, write_ply
-from speed import pin
+from common import PairFiles, errors, offset
+from speed import pin, town
 
 WRONG_M = 0.5
 KISS_VOXELS_M = [0.3, 0.5]
@@ -28,17 +28,6 @@ def of_folder(folder):
         truth = np.vstack([truth[:3], [0, 0, 0, 1]])
         paths = [folder / pair.get(cloud, f"{name}_{cloud}.ply") for cloud in ("target", "source")]
         yield PairFiles(folder.name, *paths, truth, truth @ offset())
-
-
-def town(work, columns, rings):
-    """The town pair with so many beams."""
-    from scenes import beams, make_pair
-
-    source, target, truth = make_pair("structured", directions=beams(columns, rings))
-    paths = [work / f"town_{columns}_{rings}_{cloud}.ply" for cloud in ("target", "source")]
-    write_ply(paths[0], target)
-    write_ply(paths[1], source)
-    return PairFiles(f"town, {columns} × {rings} beams", *paths, truth, truth @ offset())
 
 
 def measure(ours, files, rounds):
@@ -77,9 +66,8 @@ def main():
     from ours import Ours
 
     ours = Ours(args.stages, 1)
-    args.work.mkdir(parents=True, exist_ok=True)
     groups = [(folder.name, list(of_folder(folder))) for folder in args.folders]
-    groups += [(f"town, {c} × {r}", [town(args.work, c, r)]) for c, r in args.town]
+    groups += [(f"town, {c} × {r}", [town(args.work, (c, r))]) for c, r in args.town]
     for number, (name, pairs) in enumerate(groups):
         measured = [measure(ours, files, args.rounds) for files in pairs]
         if number == 0:

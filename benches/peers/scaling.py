@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from speed import measure, pin
+from speed import measure, pin, town
 
 SIZES = [5_000, 10_000, 20_000, 50_000, 100_000, 200_000, 500_000, 1_000_000]
 STAGES = ["voxel", "normals", "fpfh", "describe", "match", "icp", "gicp", "fgr_solve", "mac_solve", "fgr", "mac"]
@@ -24,17 +24,7 @@ MOST_OF_A_MILLION = 200_000  # finer voxels of that scan would hold a point each
 
 def dense_town(folder, size):
     """The town pair scanned with 128 rings of 8192 beams, or 320 of 16384 if that is too few."""
-    from common import PairFiles, offset, write_ply
-    from scenes import beams, make_pair
-
-    columns, rings = (8192, 128) if size <= MOST_OF_A_MILLION else (16384, 320)
-    source, target, truth = make_pair("structured", directions=beams(columns, rings))
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / f"dense_{rings}_{name}.ply" for name in ("target", "source")]
-    files = PairFiles("dense town", *paths, truth, truth @ offset())
-    write_ply(files.target, target)
-    write_ply(files.source, source)
-    return files
+    return town(folder, (8192, 128) if size <= MOST_OF_A_MILLION else (16384, 320))
 
 
 def voxel_for(points, size):

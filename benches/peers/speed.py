@@ -28,14 +28,15 @@ def pin(threads):
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-threads:])
 
 
-def town(folder):
-    """The town pair: two scans of a street 5 m apart, with 122,000 points."""
+def town(folder, grid=None):
+    """The town pair: two scans of a street 5 m apart, with 122,000 points, or of a grid of columns and rings."""
     from common import PairFiles, offset, write_ply
-    from scenes import make_pair
+    from scenes import beams, make_pair
 
-    source, target, truth = make_pair("structured")
+    source, target, truth = make_pair("structured", directions=grid and beams(*grid))
     folder.mkdir(parents=True, exist_ok=True)
-    files = PairFiles("town", folder / "town_target.ply", folder / "town_source.ply", truth, truth @ offset())
+    name = "_".join(map(str, ("town", *(grid or ()))))
+    files = PairFiles("town", folder / f"{name}_target.ply", folder / f"{name}_source.ply", truth, truth @ offset())
     write_ply(files.target, target)
     write_ply(files.source, source)
     return files
