@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use self::finish::Finish;
 use crate::geometry::voxel;
 use crate::global::matched;
-use crate::overlap::{Looked, Scene, is_within};
+use crate::overlap::{Looked, Rival, Scene, is_within};
 use crate::prepared::{Surface, thin};
 use crate::{
     AutoConfig, FeatureConfig, Icp, IcpConfig, Mac, MacConfig, Outcome, PrepareError, Registration,
@@ -66,11 +66,9 @@ const SAME_RAD: f64 = 0.05;
 /// points of a scan crowd near the sensor, and tell nothing more of the place.
 struct Clouds<'a> {
     suggestions: Suggestions<'a>,
-    /// The target and the source as they came, …
-    given: [&'a Cloud; 2],
-    /// … and thinned, in the order of a tree.
-    thin: [Result<Cloud, PrepareError>; 2],
-    /// Edge of their voxels, m.
+    target: Thinned<'a>,
+    source: Thinned<'a>,
+    /// Edge of the voxels, m.
     voxel_m: f64,
 }
 
@@ -79,31 +77,38 @@ impl<'a> Clouds<'a> {
     fn new(target: &'a Cloud, source: &'a Cloud, global_voxel_m: f64) -> Self {
         let suggestions = Suggestions::new(target, source);
         let voxel_m = suggestions.finest_voxel_m().min(global_voxel_m);
-        let thin = rayon::join(|| thin(target, voxel_m), || thin(source, voxel_m)).into();
-        Self { suggestions, given: [target, source], thin, voxel_m }
+        let thinned = |given| Thinned { given, thin: thin(given, voxel_m) };
+        let (target, source) = rayon::join(|| thinned(target), || thinned(source));
+        Self { suggestions, target, source, voxel_m }
     }
 
+    /// The scenes of both, of points `scene_voxel_m` apart.
+    fn scenes(&self, scene_voxel_m: f64) -> Result<(Scene, Scene), PrepareError> {
+        let Self { target, source, voxel_m, .. } = self;
+        let scene = |cloud: &Thinned| cloud.scene(*voxel_m, scene_voxel_m);
+        let (target, source) = rayon::join(|| scene(target), || scene(source));
+        Ok((target?, source?))
+    }
+}
+
+/// A cloud as it came, and its voxels' means in the order of a tree.
+struct Thinned<'a> {
+    given: &'a Cloud,
+    thin: Result<Cloud, PrepareError>,
+}
+
+impl Thinned<'_> {
     /// As it came where it cannot be thinned.
-    fn target(&self) -> &Cloud {
-        self.thin[0].as_ref().unwrap_or(self.given[0])
+    fn cloud(&self) -> &Cloud {
+        self.thin.as_ref().unwrap_or(self.given)
     }
 
-    fn source(&self) -> &Cloud {
-        self.thin[1].as_ref().unwrap_or(self.given[1])
-    }
-
-    /// The scenes of both. Their σ_R are the largest of each voxel: saturated echoes err alike.
-    fn scenes(&self, voxel_m: f64) -> Result<(Scene, Scene), PrepareError> {
-        let thin_m = self.voxel_m;
-        let scene = |given: &Cloud, thin: &Cloud| {
-            let reports = given.range_sd_m.is_some();
-            let with_sds = reports.then(|| voxel::downsample_to_largest_sd(given, thin_m));
-            Scene::new(with_sds.and_then(Result::ok).as_ref().unwrap_or(thin), voxel_m)
-        };
-        let [given_target, given_source] = self.given;
-        let (target, source) = (self.target(), self.source());
-        let both = rayon::join(|| scene(given_target, target), || scene(given_source, source));
-        Ok((both.0?, both.1?))
+    /// The scene of voxels of `voxel_m`. Each has the largest σ_R of its points: saturated echoes
+    /// err alike.
+    fn scene(&self, voxel_m: f64, scene_voxel_m: f64) -> Result<Scene, PrepareError> {
+        let reports = self.given.range_sd_m.is_some();
+        let with_sds = reports.then(|| voxel::downsample_to_largest_sd(self.given, voxel_m));
+        Scene::new(with_sds.and_then(Result::ok).as_ref().unwrap_or(self.cloud()), scene_voxel_m)
     }
 }
 
@@ -126,7 +131,7 @@ struct Guess {
 
 impl Auto {
     fn found(&self, clouds: &Clouds, initial: &Pose) -> Result<Outcome, StopReason> {
-        let (target, source) = (clouds.target(), clouds.source());
+        let (target, source) = (clouds.target.cloud(), clouds.source.cloud());
         let bench = Bench::new(clouds, self.config.voxel_m)?;
         let is_given = *initial != Pose::identity();
         let guess = Guess { initial: *initial, refined: bench.refined(initial), is_given };
@@ -254,9 +259,7 @@ impl Bench {
     /// them as well.
     fn only<'a>(&self, found: &'a [Looked]) -> Option<&'a Looked> {
         let start = self.preferred(found).filter(|start| start.agrees())?;
-        let rival = self.target.rival(&self.source, start, found);
-        let is_far = rival.is_none_or(|rival| !rival.is_as_good && rival.lead >= FAR_LEAD);
-        is_far.then_some(start)
+        is_far(self.target.rival(&self.source, start, found)).then_some(start)
     }
 
     /// The motions that ICP reaches from some starts, best first.
@@ -318,6 +321,11 @@ impl Bench {
     }
 }
 
+/// True when the other motion that fits best, if any, is far behind.
+fn is_far(rival: Option<Rival>) -> bool {
+    rival.is_none_or(|rival| !rival.is_as_good && rival.lead >= FAR_LEAD)
+}
+
 impl Registration for Auto {
     fn register(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Outcome {
         let clouds = Clouds::new(target, source, self.config.voxel_m);
@@ -359,6 +367,44 @@ mod tests {
         let [once, thrice] = [&room, &often].map(|c| auto.register(c, &room, &Pose::identity()));
         assert!(once.stop.is_success(), "{once:?}");
         assert_eq!(once, thrice);
+    }
+
+    #[test]
+    fn only_a_rival_far_behind_asks_for_no_second_round() {
+        let rival = |lead, is_as_good| {
+            Some(Rival { target_from_source: Pose::identity(), lead, is_as_good })
+        };
+        assert!(is_far(None) && is_far(rival(25.0, false)));
+        for near in [rival(15.0, false), rival(25.0, true), rival(f64::NAN, false)] {
+            assert!(!is_far(near), "{near:?}");
+        }
+    }
+
+    #[test]
+    fn a_voxel_finer_than_those_of_the_fits_is_kept() {
+        let room = room(true);
+        for (global_voxel_m, expected_m) in [(0.02, 0.02), (0.8, 0.07)] {
+            let clouds = Clouds::new(&room, &room, global_voxel_m);
+            let expected_m = clouds.suggestions.finest_voxel_m().min(expected_m);
+            assert_eq!(clouds.voxel_m, expected_m, "{global_voxel_m}");
+        }
+    }
+
+    #[test]
+    fn many_imprecise_points_of_a_voxel_are_no_evidence() {
+        // A wall 3 m ahead, 100 points to each of its voxels, behind it one of precise points.
+        let lattice = |count: i32, step_m: f32| {
+            let at = move |i: i32| (i - count / 2) as f32 * step_m;
+            (0..count).flat_map(move |y| (0..count).map(move |z| (at(y), at(z))))
+        };
+        let near = lattice(280, 0.007).map(|(y, z)| Point3::new(3.0, y, z));
+        let far = lattice(200, 0.1).map(|(y, z)| Point3::new(12.0, y, z));
+        let points: Vec<_> = near.chain(far).collect();
+        let sds = points.iter().map(|p| if p.x < 4.0 { 0.15 } else { 0.01 }).collect();
+        let cloud = Cloud { range_sd_m: Some(sds), ..Cloud::new(points) };
+        let (scene, _) = Clouds::new(&cloud, &cloud, 0.8).scenes(0.8).unwrap();
+        assert!(scene.points().len() > 100);
+        assert!(scene.points().iter().all(|p| p.x > 4.0), "a wall of saturated echoes");
     }
 
     #[test]

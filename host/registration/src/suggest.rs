@@ -260,7 +260,7 @@ fn filling_voxel_m(thinned: &Cloud) -> f64 {
 /// more than 200,000 points, that of a sample.
 pub fn radius_m(cloud: &Cloud) -> f64 {
     // Odd, since scans hold a power of two of rings, one point of each after the other.
-    let stride = cloud.points.len().div_ceil(RADIUS_SAMPLES).max(1) | 1;
+    let stride = cloud.points.len().div_ceil(RADIUS_SAMPLES) | 1;
     let sample = cloud.points.iter().step_by(stride);
     let echoes: Vec<&Point3<f32>> =
         sample.filter(|p| is_finite(p) && p.coords.norm() > 0.0).collect();
@@ -313,7 +313,7 @@ mod tests {
 
     #[test]
     fn the_radius_of_a_large_cloud_is_that_of_all_its_rings() {
-        // 64 rings of 16,384 points, one of each ring after the other: the outer half within 32 m.
+        // 64 rings of 16,384 points, one of each ring after the other.
         let at = |i: usize| {
             let (ring, turn) = ((i % 64) as f32, (i / 64) as f32 * 0.001);
             Point3::new(ring * turn.cos(), ring * turn.sin(), 0.0)

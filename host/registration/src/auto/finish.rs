@@ -44,7 +44,7 @@ type Fit = Box<dyn Fn(&Pose) -> Outcome + Send + Sync>;
 impl Finish {
     /// Prepares both clouds for motions whose error is a part of `global_voxel_m`.
     pub(super) fn new(clouds: &Clouds, global_voxel_m: f64) -> Result<Self, StopReason> {
-        let (target, source) = (clouds.target(), clouds.source());
+        let (target, source) = (clouds.target.cloud(), clouds.source.cloud());
         let mut configs = clouds.suggestions.finish(global_voxel_m, 0.0);
         let excess = target.points.len().max(source.points.len()) as f64 / MOST_POINTS;
         if excess > 1.0 {
@@ -53,7 +53,7 @@ impl Finish {
         }
         let [coarse, middle, fine] = configs;
         let finest = match fine.voxel_m == clouds.voxel_m {
-            true => clouds.thin.clone(),
+            true => [clouds.target.thin.clone(), clouds.source.thin.clone()],
             false => {
                 let thin = |cloud| thin(cloud, fine.voxel_m);
                 rayon::join(|| thin(target), || thin(source)).into()
