@@ -318,8 +318,14 @@ mod tests {
             let (ring, turn) = ((i % 64) as f32, (i / 64) as f32 * 0.001);
             Point3::new(ring * turn.cos(), ring * turn.sin(), 0.0)
         };
-        let radius_m = radius_m(&Cloud::new((0..64 * 16_384).map(at).collect()));
-        assert!((radius_m - 57.0).abs() < 2.0, "{radius_m}");
+        let points: Vec<_> = (0..64 * 16_384).map(at).collect();
+        // Every second ring alone, as an even stride would see them.
+        let odd = |(i, point): (usize, &Point3<f32>)| point * (i % 2) as f32;
+        let odd_only = Cloud::new(points.iter().enumerate().map(odd).collect());
+        for cloud in [Cloud::new(points), odd_only] {
+            let radius_m = radius_m(&cloud);
+            assert!((radius_m - 57.0).abs() < 2.0, "{radius_m}");
+        }
     }
 
     #[test]
