@@ -86,7 +86,7 @@ impl BitTrue {
         };
         let refined = match (self.timing, run) {
             (TimingMethod::WalkCorrected, None) => Refined { time: vertex.unbiased, ..top },
-            (TimingMethod::WalkCorrected, Some((first, last))) => {
+            (TimingMethod::WalkCorrected | TimingMethod::ConstantFraction, Some((first, last))) => {
                 let clipped = self.clipped(wave, (first, last), threshold, noise);
                 let middle = ((2.0 * peak.index as f64 * SAMPLE + right.distance - left.distance)
                     / 2.0)
@@ -109,7 +109,7 @@ impl BitTrue {
                 };
                 Refined { flags: fitted.flags | WALK_CORRECTED, ..fitted }
             }
-            (TimingMethod::ConstantFraction, _) => {
+            (TimingMethod::ConstantFraction, None) => {
                 self.to_edge(wave, peak, vertex.height * two_to(7), threshold.level, noise, top)
             }
             (TimingMethod::RisingEdge, _) => {
@@ -117,7 +117,9 @@ impl BitTrue {
             }
             _ => top,
         };
-        let walks = run.is_some() && self.timing != TimingMethod::WalkCorrected;
+        let by_edges =
+            matches!(self.timing, TimingMethod::WalkCorrected | TimingMethod::ConstantFraction);
+        let walks = run.is_some() && !by_edges;
         let unknown = walks || refined.flags & TRUNCATED != 0;
         Refined { sigma: if unknown { MOST } else { refined.sigma }, ..refined }
     }

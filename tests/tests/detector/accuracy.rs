@@ -219,8 +219,8 @@ fn clipped_echoes_are_timed_as_well_as_whole_ones_while_both_edges_show() {
         (TWO_GS, 10.0, 0.12, 0.04), // 0.11, 0.03
         (THREE_GS, 50.0, 0.1, 0.03), // 0.09, 0.02
     ] {
-        for (saturation_ppm, overdrive) in [1_000_000, 500_000].into_iter().flat_map(overdrives) {
-            let settings = Settings { bins, saturation_ppm, ..Settings::default() };
+        for (saturation_ppm, timing, overdrive) in clipped_cases() {
+            let settings = Settings { bins, saturation_ppm, timing, ..Settings::default() };
             let mut bench = Bench::new(settings, Hardware::REFERENCE);
             let level = f64::from(bench.pipeline.config().clip_code);
             if overdrive <= deepest {
@@ -232,15 +232,40 @@ fn clipped_echoes_are_timed_as_well_as_whole_ones_while_both_edges_show() {
     }
 }
 
-fn overdrives(saturation_ppm: i32) -> [(i32, f64); 7] {
-    [1.2, 2.0, 5.0, 10.0, 50.0, 500.0, 5_000.0].map(|overdrive| (saturation_ppm, overdrive))
+/// Saturation levels, methods that time clipped echoes by their edges, and A/S.
+fn clipped_cases() -> impl Iterator<Item = (i32, i32, f64)> {
+    let methods = [TimingMethod::WalkCorrected, TimingMethod::ConstantFraction];
+    let overdrives = [1.2, 2.0, 5.0, 10.0, 50.0, 500.0, 5_000.0];
+    [1_000_000, 500_000].into_iter().flat_map(move |saturation_ppm| {
+        let case = move |method: TimingMethod| {
+            overdrives.map(|overdrive| (saturation_ppm, method.code(), overdrive))
+        };
+        methods.into_iter().flat_map(case)
+    })
+}
+
+#[test]
+fn a_constant_fraction_walks_neither_whole_nor_clipped() {
+    // Half of the clipped height comes 12 mm early at A/S 1.2, 130 at 5, 254 at 500.
+    for (bins, within_mm) in [(HALF_GS, 4.6), (ONE_GS, 1.2), (TWO_GS, 0.4)] {
+        let timing = TimingMethod::ConstantFraction.code();
+        let mut bench = Bench::new(Settings { bins, timing, ..Settings::default() }, FINE);
+        let level = f64::from(bench.pipeline.config().clip_code);
+        for over in [0.01, 0.05, 0.2, 0.9, 1.1, 1.2, 2.0, 5.0, 20.0, 100.0, 500.0] {
+            // Reached: 4.3, 1.0, 0.3, because it interpolates linearly; clipped 0.00.
+            let (mean, _) = bench.bias(over * level);
+            let (echo, _) = bench.at_phase(PHASES / 3, over * level);
+            assert!(mean.abs() < within_mm, "A/S {over} at {bins} bins: mean {mean} mm");
+            assert!(echo.deviation < u16::MAX, "A/S {over} at {bins} bins: σ is known");
+        }
+    }
 }
 
 #[test]
 fn clipped_echoes_with_edges_between_samples_are_unbiased_with_an_honest_sigma() {
     for (bins, ripple_mm) in [(HALF_GS, 145.0), (ONE_GS, 69.0), (TWO_GS, 31.5), (THREE_GS, 19.0)] {
-        for (saturation_ppm, overdrive) in [1_000_000, 500_000].into_iter().flat_map(overdrives) {
-            let settings = Settings { bins, saturation_ppm, ..Settings::default() };
+        for (saturation_ppm, timing, overdrive) in clipped_cases() {
+            let settings = Settings { bins, saturation_ppm, timing, ..Settings::default() };
             let mut bench = Bench::new(settings, Hardware::REFERENCE);
             let level = f64::from(bench.pipeline.config().clip_code);
             let (mean, worst) = bench.bias(overdrive * level);

@@ -588,10 +588,11 @@ fn the_pipeline_equals_its_model_on_dithered_shots() {
     for seed in 0..SEEDS {
         let (case, ..) = set_up(seed);
         let mut rng = vectors::rng(seed);
+        let timing = [TimingMethod::WalkCorrected, TimingMethod::ConstantFraction];
         let settings = Settings {
             dither: rng.random_range(0..16).min(1),
             shots: 1 << rng.random_range(0..5),
-            timing: TimingMethod::WalkCorrected.code(),
+            timing: timing[seed as usize % 2].code(),
             ..case.settings
         };
         let pipeline = Pipeline::new(&settings, &case.hardware).unwrap();

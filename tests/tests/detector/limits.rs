@@ -280,6 +280,37 @@ fn a_rising_edge_walks_as_the_physics_says_and_a_constant_fraction_does_not() {
 }
 
 #[test]
+fn no_method_but_the_rising_edge_walks_from_the_threshold_to_a_hundred_times_full_scale() {
+    // The table of benches/record/detector.md, Timing methods.
+    const METHODS: [TimingMethod; 4] = [
+        TimingMethod::RisingEdge,
+        TimingMethod::Parabola,
+        TimingMethod::ConstantFraction,
+        TimingMethod::WalkCorrected,
+    ];
+    let mut edge_mm = f64::MAX;
+    for albedo in [0.006, 0.06, 0.36, 1.5, 6.0, 30.0] {
+        print!("albedo {albedo:5} at 60 m, bias ± spread, mm:");
+        for method in METHODS {
+            let mut sensor = Sensor::new(Settings { timing: method.code(), ..Settings::default() });
+            let at_phase = |phase| sensor.at_phase(albedo, 60.0, f64::from(phase) / 32.0, 40);
+            let errors: Vec<f64> = (0..32).flat_map(at_phase).map(|(_, error)| error).collect();
+            assert_eq!(errors.len(), 32 * 40, "{method:?}, albedo {albedo}: each is found");
+            let (bias_mm, spread_mm) = mean_and_deviation(&errors);
+            print!("  {method:?} {bias_mm:.1} ± {spread_mm:.1}");
+            if method == TimingMethod::RisingEdge {
+                assert!(bias_mm > 100.0 && bias_mm < edge_mm, "albedo {albedo}: {bias_mm} mm");
+                edge_mm = bias_mm;
+                continue;
+            }
+            let doubt_mm = 4.0 * spread_mm / (errors.len() as f64).sqrt();
+            assert!(bias_mm.abs() < 1.2 + doubt_mm, "{method:?}, albedo {albedo}: {bias_mm} mm");
+        }
+        println!();
+    }
+}
+
+#[test]
 fn detection_follows_the_theory_of_the_matched_filter() {
     // P_D = Q(k − d′), d′ = S √(¾ f_s τ). Noise moves the top to a higher sample, so slightly more
     // echoes are found.

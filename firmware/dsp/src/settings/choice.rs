@@ -99,11 +99,11 @@ choices! {
     }
     /// Point of an echo that its time is taken from.
     timing: TimingMethod of Timing {
-        /// The crossing of the threshold on its rising edge.
+        /// The crossing of the threshold on its rising edge: the weaker it is, the later.
         RisingEdge = "rising-edge",
         /// Its top, by a parabola.
         Parabola = "parabola",
-        /// The crossing of half its height on its rising edge.
+        /// The crossing of half its height on its rising edge, or its edges when it is clipped.
         ConstantFraction = "cfd",
         /// Its top without the parabola's bias, or its edges when it is clipped.
         WalkCorrected = "walk-corrected",

@@ -86,7 +86,7 @@ impl Echo {
     }
 
     /// Reflectivity: 1 is white and square to the beam. For a saturated echo it comes from the
-    /// edges if these time it (walk-corrected); else it is a lower bound.
+    /// edges if these time it ([`Flags::WALK_CORRECTED`]); else it is a lower bound.
     pub fn reflectivity_ratio(&self) -> U6F10 {
         U6F10::from_bits(self.reflectivity)
     }

@@ -83,15 +83,19 @@ impl Refiner<'_> {
     /// δ      = (z₋ − z₊) / (2 (z₋ − 2 z₀ + z₊))                  Q16.16, nearest, within ±½
     /// height = z₀ − (z₋ − z₊)·δ/4                                Q9.23, then Q1.15, both nearest
     /// width  = right − left: crossings of half of y[index]       Q16.16
+    /// middle = ⌊(left + right)/2⌋                                Q16.16
     /// ```
     ///
     /// | method | time, Q16.16 | σ of the time, Q16.16, rounded down |
     /// |---|---|---|
     /// | parabola | s + (j + δ)/o, nearest | gain · σ(A) / A |
     /// | walk-corrected | the same less β·⌊δ (1 − 4δ²)⌋, nearest, in δ | as parabola |
-    /// | … clipped | [`DitheredEdges`], [`EdgeFit`] or ⌊(left + right)/2⌋ | theirs, or parabola's |
     /// | CFD | where f rises to half of the height, plus z | as parabola |
+    /// | … both, clipped | [`DitheredEdges`], [`EdgeFit`] or the middle | theirs, or as whole |
     /// | rising edge | where f rises to T, plus z | σ(level/g) · r / the rise of f |
+    ///
+    /// Half of what is left of a clipped echo is no constant fraction of it. The pulse fitted to
+    /// the edges is a whole one: where it rises to half of its height, plus z, is its middle.
     ///
     /// z₀ is the highest `z[j]`, j = −o..o; on a tie the sample itself (j = 0), else the first.
     /// With o = 1, j is 0. A denominator of 0 makes δ 0. K samples on either side of a pulse's
@@ -121,11 +125,11 @@ impl Refiner<'_> {
             flags: left.flags | right.flags,
         };
         match (config.method, clipped) {
-            (TimingMethod::WalkCorrected, Some(run)) => {
+            (TimingMethod::WalkCorrected | TimingMethod::ConstantFraction, Some(run)) => {
                 // Sets time, amplitude and σ.
                 self.time_by_edges(run, (left.time + right.time) >> 1, &mut refined);
             }
-            (TimingMethod::ConstantFraction, _) => {
+            (TimingMethod::ConstantFraction, None) => {
                 self.time_by_rise(&f, peak, i64::from(vertex.height) << 7, &mut refined);
             }
             (TimingMethod::RisingEdge, _) => {
@@ -136,7 +140,8 @@ impl Refiner<'_> {
         if clipped.is_some() {
             refined.flags |= Flags::SATURATED;
         }
-        let walks = clipped.is_some() && !corrects;
+        let by_edges = refined.flags.contains(Flags::WALK_CORRECTED);
+        let walks = clipped.is_some() && !by_edges;
         if walks || refined.flags.contains(Flags::TRUNCATED) {
             refined.sigma = u32::MAX; // unknown: the time of these is biased
         }
