@@ -96,7 +96,11 @@ mod measured {
     fn scene(beams: u32) -> Arc<SceneResponse> {
         let wall = |range_m: f32| Return { range_m, strength_per_m2: 0.1 / range_m.powi(2) };
         let returns = (0..beams).map(|beam| wall(5.0 + (beam % 90) as f32)).collect();
-        Arc::new(SceneResponse { beams: (0..=beams).collect(), returns })
+        Arc::new(SceneResponse {
+            beams: (0..=beams).collect(),
+            returns,
+            ..SceneResponse::default()
+        })
     }
 
     /// Duration of a scan after configuration.

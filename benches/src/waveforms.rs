@@ -48,6 +48,7 @@ pub fn client(columns: u16) -> Result<(u32, Client<InProcess<WaveformFrontEnd>>)
     let scene = SceneResponse {
         beams: (0..=beams).map(|beam| 2 * beam).collect(),
         returns: (0..beams).flat_map(|beam| returns(beam, 2)).collect(),
+        ..SceneResponse::default()
     };
     let front_end = WaveformFrontEnd::new(Receiver::default(), Arc::new(scene), 1);
     let sensor = PcSensor::new(front_end, pattern, Hardware::REFERENCE);

@@ -200,7 +200,7 @@ fn collect(beams: Vec<Vec<Return>>) -> SceneResponse {
         end += beam.len() as u32;
         offsets.push(end);
     }
-    SceneResponse { beams: offsets, returns: beams.concat() }
+    SceneResponse { beams: offsets, returns: beams.concat(), ..SceneResponse::default() }
 }
 
 #[cfg(test)]

@@ -165,6 +165,7 @@ pub fn settings(rng: &mut impl Rng, hardware: &Hardware) -> Settings {
             gain_slope_mdb_m: 0,
             gain_range_mm: 40_000,
             overlap_mm: 1_000,
+            ..Settings::default() // an aim, which no detector looks at
         };
         // Not drawn, so that the other draws of a seed stay as they were before these settings.
         let settings = with_later_ones(settings);

@@ -96,6 +96,7 @@ pub use scan_pattern::ScanPattern;
 pub use scan_pattern::grid::Grid;
 pub use scan_pattern::rosette::Rosette;
 pub use scan_pattern::spinning::{Spinning, SpinningModel};
+pub use scan_pattern::steered::{Aim, Steered};
 pub use scan_pattern::table::BeamTable;
 pub use settings::check::pulse_energy_pj;
 pub use settings::{Kind, PARAMETERS, Parameter, ParameterId, Settings};

@@ -15,7 +15,7 @@ use crate::frame::{Message, Way, checksum};
 pub const MAGIC: [u8; 4] = *b"ECHO";
 
 /// Version of the conversation: the meaning of commands, beyond their bytes.
-pub const PROTOCOL: u16 = 10;
+pub const PROTOCOL: u16 = 11;
 
 /// Hash of the layout of all messages: FNV-1a over their names and types, computed at compile time.
 pub const SCHEMA: u64 =
@@ -168,7 +168,7 @@ pub enum Report {
         build: String<32>,
         /// Constants of the hardware.
         hardware: Hardware,
-        /// Scan pattern.
+        /// Scan pattern; the settings may aim one that is steered.
         pattern: ScanPattern,
     },
     /// The command was understood but not carried out.

@@ -95,7 +95,7 @@ pub enum Answer<'a> {
 ///
 /// Invariants, from start to start:
 ///
-/// * the active settings passed [`Settings::check`];
+/// * the active settings passed [`Settings::check`] and [`ScanPattern::aimed`];
 /// * they change only between frames;
 /// * a generation always names the same set of settings: those that return after a trial get a new
 ///   one;
@@ -103,6 +103,9 @@ pub enum Answer<'a> {
 #[derive(Clone, Debug)]
 pub struct Session {
     hardware: Hardware,
+    /// Scan pattern as the sensor has it.
+    own_pattern: ScanPattern,
+    /// Scan pattern with the aim of the active settings.
     pattern: ScanPattern,
     build: &'static str,
     ready: bool,
@@ -128,11 +131,12 @@ impl Session {
         build: &'static str,
         settings: Settings,
     ) -> Self {
-        let settings =
-            if settings.check(&hardware).is_ok() { settings } else { Settings::default() };
+        let is_possible = settings.check(&hardware).and(pattern.aimed(&settings)).is_ok();
+        let settings = if is_possible { settings } else { Settings::default() };
         Self {
             hardware,
-            pattern,
+            own_pattern: pattern,
+            pattern: pattern.aimed(&settings).unwrap_or(pattern),
             build,
             ready: false,
             staged: None,
@@ -153,6 +157,11 @@ impl Session {
     /// Active settings.
     pub fn settings(&self) -> &Settings {
         &self.active.settings
+    }
+
+    /// Scan pattern with the aim of the active settings.
+    pub fn pattern(&self) -> &ScanPattern {
+        &self.pattern
     }
 
     /// Generation and hash of the active settings.
@@ -239,13 +248,13 @@ impl Session {
                 text
             }),
             hardware: self.hardware,
-            pattern: self.pattern,
+            pattern: self.own_pattern,
         }
     }
 
     fn stage(&mut self, settings: Settings) -> Report {
-        match settings.check(&self.hardware) {
-            Ok(()) => {
+        match settings.check(&self.hardware).and(self.own_pattern.aimed(&settings)) {
+            Ok(_) => {
                 self.staged = Some(settings);
                 Report::Staged { hash: settings_hash(&settings) }
             }
@@ -372,8 +381,16 @@ impl Session {
     fn activate(&mut self, version: Version) {
         let good = self.trial.map_or(self.active.settings, |trial| trial.good);
         self.active = version;
+        self.aim();
         self.trial =
             (version.confirm_within > 0).then_some(Trial { left: version.confirm_within, good });
+    }
+
+    /// Aims the pattern by the active settings, which passed the check.
+    fn aim(&mut self) {
+        if let Ok(pattern) = self.own_pattern.aimed(&self.active.settings) {
+            self.pattern = pattern;
+        }
     }
 
     /// Ends a trial after its last frame, or after a whole frame without an echo.
@@ -392,6 +409,7 @@ impl Session {
         let generation = self.active.generation.wrapping_add(1);
         self.active =
             Version { generation, hash: settings_hash(&settings), settings, confirm_within: 0 };
+        self.aim();
         self.counters.rollbacks = self.counters.rollbacks.wrapping_add(1);
     }
 }

@@ -3,6 +3,7 @@
 //! Both speak registers: one byte of address (bit 7: write), four bytes of value, most significant
 //! first. Settings are written and read back; a register that reads another value is a fault.
 
+use echoloop_dsp::ScanPattern;
 use echoloop_dsp::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
 use echoloop_dsp::settings::Settings;
 use echoloop_link::Noise;
@@ -37,6 +38,9 @@ pub mod emitter {
     pub const NOISE_SEED_LOW: u8 = 8;
     /// Upper half of the seed of that noise.
     pub const NOISE_SEED_HIGH: u8 = 9;
+    /// Cell of the raster that a steered beam points to: column in the upper half, row in the
+    /// lower.
+    pub const CELL: u8 = 10;
     /// Value that [`ID`] reads.
     pub const ID_VALUE: u32 = 0xEC40_0001;
 }
@@ -160,8 +164,9 @@ pub fn name_noise(emitter_spi: &mut impl SpiDevice, noise: Option<Noise>) -> Res
     write(emitter_spi, emitter::NOISE_SEED_HIGH, (seed >> 32) as u32)
 }
 
-/// Fires a shot of a beam: numbers it where there are several, and delays its window where shots
-/// are dithered.
+/// Fires a shot of a beam: steers the beam before its first shot where the pattern does, numbers
+/// the shot where there are several, and delays its window where shots are dithered. `pattern` has
+/// the aim of the settings.
 ///
 /// # Errors
 ///
@@ -169,9 +174,13 @@ pub fn name_noise(emitter_spi: &mut impl SpiDevice, noise: Option<Noise>) -> Res
 pub fn fire(
     board: &mut impl Board,
     settings: &Settings,
+    pattern: &ScanPattern,
     beam: u32,
     shot: u32,
 ) -> Result<(), AfeError> {
+    if let (0, Some([column, row])) = (shot, pattern.cell(beam)) {
+        write(board.emitter(), emitter::CELL, (column << 16) | (row & 0xffff))?;
+    }
     if settings.shots > 1 {
         write(board.emitter(), emitter::SHOT, shot)?;
     }

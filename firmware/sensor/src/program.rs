@@ -201,10 +201,10 @@ impl<B: Board> App<B> {
 
     /// Fires a shot.
     fn fire(&mut self, beam: u32, shot: u32) -> Result<(), AfeError> {
-        let Some(Configured { settings, .. }) = &self.configured else {
+        let Some(Configured { settings, pattern, .. }) = &self.configured else {
             return Err(AfeError::Bus);
         };
-        afe::fire(&mut self.board, settings, beam, shot)?;
+        afe::fire(&mut self.board, settings, pattern, beam, shot)?;
         self.board.begin_shot();
         Ok(())
     }
@@ -247,7 +247,8 @@ impl<B: Board> App<B> {
         let hardware = self.board.hardware();
         // The session checked the settings before it let them be active.
         let pipeline = Pipeline::new(&settings, &hardware).map_err(|_| AfeError::Bus)?;
-        self.configured = Some(Configured { settings, pipeline, front_end_set: false });
+        let pattern = *self.session.pattern();
+        self.configured = Some(Configured { settings, pipeline, pattern, front_end_set: false });
         #[cfg(feature = "defmt")]
         defmt::info!("settings {=u32:#010x} active: {}", self.session.version().1, settings);
         Ok(())

@@ -1,12 +1,14 @@
 //! State of the sensor between two frames of its link.
 
-use echoloop_dsp::{Pipeline, Settings};
+use echoloop_dsp::{Pipeline, ScanPattern, Settings};
 use echoloop_link::Place;
 
 /// Settings, and the pipeline configured for them.
 pub(crate) struct Configured {
     pub(crate) settings: Settings,
     pub(crate) pipeline: Pipeline,
+    /// Scan pattern with the aim of the settings.
+    pub(crate) pattern: ScanPattern,
     /// True when the front end has the settings.
     pub(crate) front_end_set: bool,
 }

@@ -31,7 +31,7 @@ use embedded_storage::nor_flash::NorFlash;
 pub const MAGIC: [u8; 4] = *b"EsET";
 
 /// Bytes of a record, padding included: they are written and read at once.
-pub const RECORD: usize = 128;
+pub const RECORD: usize = 256;
 
 /// Number of bytes before the settings.
 const HEADER: usize = 20;

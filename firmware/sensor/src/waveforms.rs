@@ -97,7 +97,7 @@ impl<B: Board> App<B> {
         let codes = packed::codes_in(packed.len(), self.board.hardware().adc_bits) as u32;
         let end = before.saturating_add(from.sample.into()).saturating_add(codes);
         let of_beam = (samples as u32).saturating_mul(shots).max(1);
-        let (touched, beams) = (end.div_ceil(of_beam), self.board.pattern().beams());
+        let (touched, beams) = (end.div_ceil(of_beam), self.session.pattern().beams());
         match from.beam.saturating_add(touched) <= beams {
             true => Ok(()),
             false => Err(Nack::NoSuchBeams { beams }),

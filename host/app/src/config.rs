@@ -28,9 +28,9 @@ pub(crate) struct ConfigArgs {
 pub(super) fn run(args: &ConfigArgs) -> Result<(), Failure> {
     let config = args.source.load(Vec::new())?;
     // Refuses what a run would refuse.
-    let hardware = config.hardware();
-    let start = Parameters::start(&config, &hardware)?;
-    space(&config, start, hardware)?;
+    let device = config.device();
+    let start = Parameters::start(&config, &device)?;
+    space(&config, start, device)?;
     let (method, preset) = (config.registration.method, config.registration.preset);
     let json = args.common.json;
     if let Some(asked) = &args.explain {

@@ -79,7 +79,7 @@ impl EvaluateArgs {
 fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), Failure> {
     let progress = Progress::new(args.setup.common.quiet);
     let preparation = connect(config, &args.setup.sensor, &progress)?;
-    let laid = preparation.start.with_values(values, &preparation.config, &preparation.hardware);
+    let laid = preparation.start.with_values(values, &preparation.config, &preparation.device);
     let parameters = laid.map_err(|problem| args.refused(problem))?;
     let prepared = traced_for(preparation, args.pairs(), &progress)?;
     if args.stream {
@@ -89,7 +89,8 @@ fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), 
     progress.begin("judging", noisy.pairs.len() as u64);
     let bench = prepared.bench();
     let duration_s = prepared.config.motion.duration_s;
-    let (scanner, done) = (bench.scanner(prepared.hardware, duration_s), || progress.evaluated());
+    let (scanner, done) =
+        (bench.scanner(prepared.device.hardware, duration_s), || progress.evaluated());
     let data = &prepared.config.data;
     let summary = evaluate_and_cost(&bench, &parameters, &noisy, &scanner, data, &done)?;
     progress.end();

@@ -117,7 +117,7 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
 fn with_run(mut args: RegisterArgs) -> Result<RegisterArgs, Failure> {
     if let Some(run) = &args.run {
         let config = tuned_config(run)?;
-        let start = Parameters::start(&config, &config.hardware())?;
+        let start = Parameters::start(&config, &config.device())?;
         let theta = start.registration;
         args.method = theta.method.method();
         (args.refine, args.tuned) = (theta.refine, Some(theta.method));

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::{Args, ValueHint};
+use echoloop_dsp::ScanPattern;
 use echoloop_frontend::SceneResponse;
 use nalgebra::{Translation3, UnitQuaternion};
 
@@ -23,6 +24,7 @@ use echoloop_closed_loop::scan_folder::with_points;
 use echoloop_closed_loop::seed::scan_noise;
 use echoloop_clouds::pose::{Pose, to_rows};
 use echoloop_clouds::{CloudFormat, Recorded};
+use echoloop_sensors::pattern::document;
 use echoloop_sensors::sensor::{Model, View};
 
 /// Flags of `scan`.
@@ -84,7 +86,8 @@ struct Scan {
     /// The scene and the sensor's pose in it; none for a real sensor on a serial line.
     seen: Option<Seen>,
     settings: u32,
-    beams: u32,
+    /// Scan pattern with the aim of the settings.
+    pattern: ScanPattern,
     recorded: Recorded,
 }
 
@@ -103,7 +106,8 @@ fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&CloudOutput>) -> Re
         Source::Recording(_) => recorded(args, config)?,
         _ => {
             let beams = config.scanner.beams();
-            (seen(args, config, &beams)?, beams)
+            let aimed = beams.aimed(&start.settings).map_err(Failure::usage)?.into_owned();
+            (seen(args, config, &aimed)?, aimed)
         }
     };
     let response = seen.as_ref().map_or_else(Arc::default, |seen| Arc::clone(&seen.response));
@@ -111,14 +115,13 @@ fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&CloudOutput>) -> Re
         View { scene: &response, noise_seed: scan_noise(config.seed), scan: 1, viewpoint: 1 };
     let (hash, scan) =
         sensors.with(|sensor| Ok((sensor.configure(&start.settings)?, sensor.scan(&view)?)))?;
-    let duration_s = config.motion.duration_s;
+    let duration_s = config.motion.scan_s(beams.pattern());
     let recorded = recorded_from_scan(&scan, &beams, view.viewpoint, duration_s);
     let recorded = with_points(recorded, || "detection".into())?;
     if let Some(output) = output {
         output.write(&recorded)?;
     }
-    let beams = beams.pattern().beams();
-    let scan = Scan { sensor: name, seen, settings: hash, beams, recorded };
+    let scan = Scan { sensor: name, seen, settings: hash, pattern: *beams.pattern(), recorded };
     tell(output, &args.setup.common, &output_text(args, &scan)?)
 }
 
@@ -132,7 +135,7 @@ fn recorded(args: &ScanArgs, config: &RunConfig) -> Result<(Option<Seen>, Beams)
     let seen = dataset.train.first().map(|pair| Seen {
         scene: pair.place.clone(),
         world_from_sensor: pair.world_from_sensor[0],
-        response: Arc::clone(&pair.first),
+        response: pair.first.to(&dataset.beams),
     });
     Ok((seen, dataset.beams))
 }
@@ -148,13 +151,13 @@ fn seen(args: &ScanArgs, config: &RunConfig, beams: &Beams) -> Result<Option<See
         };
     }
     let town = config.scene.towns[0];
-    let place = place(config, town)?;
+    let place = Arc::new(place(config, town)?);
     let world_from_sensor = match &args.pose {
         Some(numbers) => pose(numbers)?,
         None => first_viewpoint(config, &place, town, args.setup.common.quiet)?,
     };
     let response = Arc::new(respond_at(config, &place, &world_from_sensor, 1, beams));
-    Ok(Some(Seen { scene: place.scene.name, world_from_sensor, response }))
+    Ok(Some(Seen { scene: place.scene.name.clone(), world_from_sensor, response }))
 }
 
 /// Reads a number of `--pose`.
@@ -195,13 +198,15 @@ fn output_text(args: &ScanArgs, scan: &Scan) -> Result<String, Failure> {
     let ranges: Vec<f64> = points.iter().map(|p| f64::from(p.coords.norm())).collect();
     let median_m = echoloop_statistics::median(ranges.iter().copied());
     let farthest_m = ranges.iter().copied().fold(0.0, f64::max);
-    let (settings, beams, points) = (format!("{:#010x}", scan.settings), scan.beams, ranges.len());
+    let (pattern, points) = (&scan.pattern, ranges.len());
+    let (settings, beams) = (format!("{:#010x}", scan.settings), pattern.beams());
     if args.setup.common.json {
         let rows = |seen: &Seen| to_rows(&seen.world_from_sensor).as_chunks::<4>().0.to_vec();
         let document = serde_json::json!({
             "format": 1, "sensor": scan.sensor, "scene": scan.seen.as_ref().map(|seen| &seen.scene),
             "world_from_sensor": scan.seen.as_ref().map(rows), "settings": settings,
-            "beams": beams, "points": points, "median_range_m": median_m, "farthest_m": farthest_m,
+            "beams": beams, "pattern": document(pattern), "points": points,
+            "median_range_m": median_m, "farthest_m": farthest_m,
         });
         return exit::json(&document);
     }
@@ -214,7 +219,8 @@ fn output_text(args: &ScanArgs, scan: &Scan) -> Result<String, Failure> {
     };
     let _ = writeln!(
         text,
-        "{points} points of {beams} beams, median range {median_m:.1} m, farthest {farthest_m:.1} m"
+        "{points} points of {beams} beams, {pattern}; median range {median_m:.1} m, farthest \
+         {farthest_m:.1} m"
     );
     Ok(text + &wrote(&args.setup.common, &args.output))
 }

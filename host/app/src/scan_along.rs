@@ -1,6 +1,7 @@
 //! `echoloop scan --trajectory`.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use serde_json::{Value, json};
 
@@ -49,13 +50,15 @@ pub(super) fn scan_along(args: &Along<'_>, config: &RunConfig) -> Result<(), Fai
         check_free(folder)?; // now: the scans take long
     }
     let sensors = setup.sensor.sensors(Model::from(config))?;
+    let sensor = ConfiguredSensor::new(config, sensors, &|_| ())?;
+    let beams = config.scanner.beams();
     let along = Trajectory {
         config,
         file: trajectory,
         poses: &poses,
-        sensor: ConfiguredSensor::new(config, sensors, &|_| ())?,
-        place: place(config, config.scene.towns[0])?,
-        beams: config.scanner.beams(),
+        beams: beams.aimed(&sensor.start.settings).map_err(Failure::usage)?.into_owned(),
+        sensor,
+        place: Arc::new(place(config, config.scene.towns[0])?),
     };
     let folder = output.map(AtomicFolder::new).transpose()?;
     let progress = Progress::new(setup.common.quiet);

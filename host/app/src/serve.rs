@@ -1,6 +1,5 @@
 //! `echoloop serve`.
 
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use clap::{Args, ValueHint};
@@ -49,10 +48,11 @@ fn answer(args: &ServeArgs, config: &RunConfig) -> Result<(), Failure> {
     let progress = Progress::new(args.quiet);
     let dataset = all_pairs(config, &progress)?;
     progress.end();
-    let views: Vec<_> = dataset.views().map(Arc::clone).collect();
     stop.listen();
-    progress.say(&format!("serving {} viewpoints on {} until ^C", views.len(), args.port));
-    let mut sensor = Viewpoints::new(&Model::from(config), views, scan_noise(config.seed)).sensor();
+    let viewpoints = 2 * dataset.pairs().count();
+    progress.say(&format!("serving {viewpoints} viewpoints on {} until ^C", args.port));
+    let mut sensor =
+        Viewpoints::new(&Model::from(config), dataset, scan_noise(config.seed)).sensor();
     serve(&mut port, &mut sensor, &|| stop.asked.load(Ordering::Relaxed))
         .map_err(|error| SensorError::client(&args.port)(error.into()).into())
 }

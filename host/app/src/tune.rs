@@ -16,7 +16,7 @@ use super::prepared::{connect, percent, require_recall, traced};
 use super::progress::Progress;
 use super::report::write_page;
 use echoloop_closed_loop::config::preset::{LidarPreset, Objective, Preset, Protocol, Strategy};
-use echoloop_closed_loop::config::{Override, RunConfig, default_runs_folder, key, load};
+use echoloop_closed_loop::config::{Budget, Override, RunConfig, default_runs_folder, key, load};
 use echoloop_closed_loop::cost::CostKind;
 use echoloop_closed_loop::parameters::read_candidate;
 use echoloop_closed_loop::prepared::{Preparation, Prepared};
@@ -29,7 +29,7 @@ use echoloop_closed_loop::run_folder::run::{
 use echoloop_closed_loop::run_folder::tuned_run::tuned_values;
 use echoloop_closed_loop::search::TuneError;
 use echoloop_closed_loop::tuning::{result, run_name, search_and_judge, search_front, write_run};
-use echoloop_files::say;
+use echoloop_files::{one_line, say};
 use echoloop_report::finished_runs::{judged, result_text};
 use echoloop_report::pair_errors_csv;
 
@@ -58,6 +58,10 @@ pub(crate) struct TuneArgs {
     /// Parameters of the sensor that are tuned.
     #[arg(long)]
     lidar: Option<LidarPreset>,
+    /// Budget of light, converter, link and time: none, mid-360, or limits of [budget] as
+    /// shots_per_s=122880; several with commas. A search keeps within it.
+    #[arg(long, value_name = "NAME|KEY=VALUE", value_delimiter = ',')]
+    budget: Vec<String>,
     #[command(flatten)]
     axes: AxisFlags,
     /// Ranges and defaults of the registration parameters.
@@ -90,8 +94,8 @@ pub(crate) struct TuneArgs {
         value_name = "RUN",
         conflicts_with_all = [
             "config", "run", "set", "scene", "seed", "method", "mode", "refine", "strategy",
-            "objective", "minimise", "at_most_error", "protocol", "lidar", "preset", "tune", "fix",
-            "population", "pareto", "points", "runs", "warm_start",
+            "objective", "minimise", "at_most_error", "protocol", "lidar", "budget", "preset",
+            "tune", "fix", "population", "pareto", "points", "runs", "warm_start",
         ],
     )]
     resume: Option<PathBuf>,
@@ -122,6 +126,7 @@ impl TuneArgs {
         }
         let mut overrides = self.method.overrides();
         overrides.extend(self.axes.overrides()?);
+        overrides.extend(budget_overrides(&self.budget)?);
         let mut flag = |path: &str, value: Option<toml::Value>| {
             overrides.extend(value.map(|v| Override::flag(path, v)))
         };
@@ -175,6 +180,35 @@ impl TuneArgs {
         config.check().map_err(Failure::usage)?;
         Ok(config)
     }
+}
+
+/// Keys that `--budget` sets.
+fn budget_overrides(given: &[String]) -> Result<Vec<Override>, Failure> {
+    let mut overrides = Vec::new();
+    for text in given {
+        if let Some(budget) = Budget::named(text) {
+            let keys = toml::Table::try_from(budget).map_err(Failure::run)?;
+            let flag = |(key, value): (String, toml::Value)| {
+                Override::flag(&format!("budget.{key}"), value)
+            };
+            overrides.extend(keys.into_iter().map(flag));
+            continue;
+        }
+        let wrong = |_| {
+            let keys = Budget::KEYS.iter().filter_map(|key| key.key.strip_prefix("budget."));
+            let keys = keys.collect::<Vec<_>>().join(", ");
+            Failure::usage(format!(
+                "--budget {}: expected none, mid-360, or KEY=VALUE with one of {keys}",
+                one_line(text)
+            ))
+        };
+        let change = format!("budget.{text}").parse::<Override>();
+        let is_key = text.split_once('=').is_some_and(|(key, _)| {
+            Budget::KEYS.iter().any(|row| row.key.strip_prefix("budget.") == Some(key))
+        });
+        overrides.push(change.ok().filter(|_| is_key).ok_or(()).map_err(wrong)?);
+    }
+    Ok(overrides)
 }
 
 pub(super) fn run(args: &TuneArgs) -> Result<(), Failure> {

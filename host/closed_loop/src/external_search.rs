@@ -135,8 +135,8 @@ impl<'a> ExternalSearch<'a> {
 
     fn by_name(&self, given: BTreeMap<String, Value>) -> Result<Asked, Refused> {
         let values = candidate_values(given).map_err(Refused::Malformed)?;
-        let Prepared { config, hardware, start, .. } = self.prepared;
-        let parameters = start.with_values(&values, config, hardware).map_err(|error| {
+        let Prepared { config, device, start, .. } = self.prepared;
+        let parameters = start.with_values(&values, config, device).map_err(|error| {
             let problem = one_line(&error.to_string());
             match error {
                 ValueError::Unknown(..) => Refused::Malformed(problem),

@@ -33,14 +33,14 @@
 //! ];
 //! let overrides: Result<Vec<_>, _> = small.iter().map(|text| text.parse()).collect();
 //! let config = load(None, &overrides?)?;
-//! let (tune, hardware) = (&config.tune, config.hardware());
-//! let start = Parameters::start(&config, &hardware)?;
+//! let (tune, device) = (&config.tune, config.device());
+//! let start = Parameters::start(&config, &device)?;
 //! let dataset = Dataset::build_with_check(&config, &|_, _| ())?;
 //! let sensors = Sensors::in_process(Model::from(&config));
 //! let search = TuneSearch {
 //!     config: &config,
 //!     bench: Bench { dataset: &dataset, sensors: &sensors },
-//!     space: Space::new(tune.protocol, tune.lidar, config.registration.preset, start, hardware),
+//!     space: Space::new(tune.protocol, tune.lidar, config.registration.preset, start, device),
 //!     start,
 //!     warm_starts: Vec::new(),
 //!     stop: &AtomicBool::new(false),
@@ -57,6 +57,7 @@
 //! ```
 
 pub mod beams;
+pub mod budget;
 pub mod checksum;
 pub mod config;
 pub mod cost;

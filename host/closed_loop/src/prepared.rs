@@ -5,7 +5,6 @@
 
 use std::sync::atomic::AtomicBool;
 
-use echoloop_dsp::Hardware;
 use echoloop_parameters::choice;
 use echoloop_sim::viewpoint::Split;
 use thiserror::Error;
@@ -16,7 +15,7 @@ use crate::cost::CostKind;
 use crate::dataset::{Dataset, DatasetError};
 use crate::evaluation::objective::Bench;
 use crate::evaluation::summary::NoisyPairs;
-use crate::parameters::{Parameters, Space, ValueError};
+use crate::parameters::{Device, Parameters, Space, ValueError};
 use crate::search::{Stage, TuneSearch, stages};
 use crate::seed::Purpose;
 use echoloop_sensors::sensor::{Model, SensorError, Sensors};
@@ -76,8 +75,8 @@ pub struct ConfiguredSensor {
     pub sensors: Sensors,
     /// Name and firmware, as in `serial:/dev/ttyACM0@115200, echoloop-sensor 0.1.0`.
     pub name: String,
-    /// Hardware, as the sensor reports it.
-    pub hardware: Hardware,
+    /// Hardware and scan pattern, as the sensor reports them.
+    pub device: Device,
     /// Start of the configuration.
     pub start: Parameters,
 }
@@ -93,9 +92,10 @@ impl ConfiguredSensor {
         let name = sensors.described(&identity);
         heard(&name);
         sensors.check(&identity, &Model::from(config))?;
-        let hardware = identity.hardware;
-        let start = Parameters::start(config, &hardware)?;
-        Ok(Self { sensors, name, hardware, start })
+        let (hardware, pattern) = (identity.hardware, identity.pattern);
+        let device = Device { hardware, pattern, budget: config.budget };
+        let start = Parameters::start(config, &device)?;
+        Ok(Self { sensors, name, device, start })
     }
 }
 
@@ -105,8 +105,8 @@ pub struct Preparation {
     pub config: RunConfig,
     /// Start of the configuration.
     pub start: Parameters,
-    /// Hardware, as the sensor reports it.
-    pub hardware: Hardware,
+    /// Hardware and scan pattern, as the sensor reports them.
+    pub device: Device,
     /// Other starts; none unless it is to be searched.
     warm_starts: Vec<Parameters>,
     space: Space,
@@ -123,9 +123,9 @@ impl Preparation {
         heard: &dyn Fn(&str),
     ) -> Result<Self, PrepareError> {
         let sensor = ConfiguredSensor::new(&config, sensors, heard)?;
-        let ConfiguredSensor { sensors, name: sensor, hardware, start } = sensor;
-        let space = space(&config, start, hardware)?;
-        Ok(Self { config, start, warm_starts: Vec::new(), space, hardware, sensors, sensor })
+        let ConfiguredSensor { sensors, name: sensor, device, start } = sensor;
+        let space = space(&config, start, device)?;
+        Ok(Self { config, start, warm_starts: Vec::new(), space, device, sensors, sensor })
     }
 
     /// The same, to be searched: with the configuration's warm starts, which only a search takes.
@@ -182,8 +182,8 @@ impl Preparation {
 
     /// Takes pairs that were traced before.
     pub fn with(self, dataset: Dataset) -> Prepared {
-        let Self { config, start, warm_starts, space, hardware, sensors, sensor } = self;
-        Prepared { config, dataset, start, warm_starts, space, hardware, sensors, sensor }
+        let Self { config, start, warm_starts, space, device, sensors, sensor } = self;
+        Prepared { config, dataset, start, warm_starts, space, device, sensors, sensor }
     }
 
     /// About as many registrations as a search takes: those of its stages, and some at the end of
@@ -216,8 +216,8 @@ pub struct Prepared {
     warm_starts: Vec<Parameters>,
     /// Axes of a search of this configuration.
     pub space: Space,
-    /// Hardware, as the sensor reports it.
-    pub hardware: Hardware,
+    /// Hardware and scan pattern, as the sensor reports them.
+    pub device: Device,
     /// The sensors.
     pub sensors: Sensors,
     /// Name and firmware of the first.
@@ -257,12 +257,11 @@ impl Prepared {
 /// # Errors
 ///
 /// [`ValueError::Axis`].
-pub fn space(
-    config: &RunConfig,
-    start: Parameters,
-    hardware: Hardware,
-) -> Result<Space, ValueError> {
+pub fn space(config: &RunConfig, start: Parameters, device: Device) -> Result<Space, ValueError> {
     let (tune, preset) = (&config.tune, config.registration.preset);
-    let space = Space::new(tune.protocol, tune.lidar, preset, start, hardware);
+    let mut space = Space::new(tune.protocol, tune.lidar, preset, start, device);
+    if !config.scene.stored.is_empty() {
+        space = space.with_one_aim();
+    }
     space.with_own(&tune.axes)
 }

@@ -91,6 +91,10 @@ pub trait FrontEnd {
     /// by hardware that is not simulated.
     fn name_noise(&mut self, _noise: Option<ScanNoise>) {}
 
+    /// Steers the beam of the following shots to a cell ([`crate::SceneResponse::cells`]). Ignored
+    /// by default, as by hardware whose beams are fixed.
+    fn steer(&mut self, _cell: u32) {}
+
     /// Fills `codes` with the samples of one shot: [`Analog::pre_trigger`] from before the trigger,
     /// then the window's. A pure function of its arguments and of the front end's construction.
     fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]);
@@ -104,6 +108,10 @@ impl<F: FrontEnd> FrontEnd for Arc<Mutex<F>> {
 
     fn name_noise(&mut self, noise: Option<ScanNoise>) {
         locked(self).name_noise(noise);
+    }
+
+    fn steer(&mut self, cell: u32) {
+        locked(self).steer(cell);
     }
 
     fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {

@@ -17,13 +17,16 @@ pub struct SceneResponse {
     pub beams: Vec<u32>,
     /// All returns, beam after beam.
     pub returns: Vec<Return>,
+    /// Cell that each beam is steered to, column · 2¹⁶ + row, rising; none where no beam is
+    /// steered.
+    pub cells: Vec<u32>,
 }
 
 impl SceneResponse {
     /// Beams without returns.
     #[must_use]
     pub fn empty(beams: u32) -> Self {
-        Self { beams: vec![0; beams as usize + 1], returns: Vec::new() }
+        Self { beams: vec![0; beams as usize + 1], ..Self::default() }
     }
 
     /// Number of beams.
@@ -46,5 +49,35 @@ impl SceneResponse {
     #[must_use]
     pub fn of(&self, beam: usize) -> &[Return] {
         &self.returns[self.beams[beam] as usize..self.beams[beam + 1] as usize]
+    }
+
+    /// Returns of a beam that was steered to `cell`; none from a cell that no beam has. A beam that
+    /// is not steered is known by its number.
+    #[must_use]
+    pub fn at(&self, beam: usize, cell: u32) -> &[Return] {
+        if self.cells.is_empty() {
+            return self.of(beam);
+        }
+        self.cells.binary_search(&cell).map_or(&[], |beam| self.of(beam))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_steered_beam_sees_the_returns_of_its_cell_and_of_no_other() {
+        let back = |range_m| Return { range_m, strength_per_m2: 1.0 };
+        let fixed = SceneResponse {
+            beams: vec![0, 1, 1, 3],
+            returns: vec![back(1.0), back(2.0), back(3.0)],
+            cells: Vec::new(),
+        };
+        assert_eq!(fixed.at(2, 7), &[back(2.0), back(3.0)], "a beam that is not steered");
+        let steered = SceneResponse { cells: vec![7, 9, 1 << 16], ..fixed };
+        assert_eq!(steered.at(2, 7), &[back(1.0)]);
+        assert_eq!(steered.at(0, 1 << 16), &[back(2.0), back(3.0)]);
+        assert!(steered.at(0, 9).is_empty() && steered.at(0, 8).is_empty());
     }
 }

@@ -21,6 +21,8 @@ pub struct WaveformFrontEnd {
     receiver: Receiver,
     scene: Arc<SceneResponse>,
     seed: u64,
+    /// Cell that the beam is steered to.
+    cell: u32,
     aerosol: Option<Box<Aerosol>>,
     before: Rendering,
     window: Rendering,
@@ -34,7 +36,7 @@ impl WaveformFrontEnd {
         let extinction_per_m = receiver.extinction_per_m();
         let receiver = Receiver { extinction_per_m, weather: Weather::default(), ..receiver };
         let (before, window) = (Rendering::default(), Rendering::default());
-        Self { receiver, scene, seed, aerosol, before, window }
+        Self { receiver, scene, seed, cell: 0, aerosol, before, window }
     }
 
     /// Looks at another scene from now on.
@@ -78,11 +80,15 @@ impl FrontEnd for WaveformFrontEnd {
         self.receiver.adc_bits
     }
 
+    fn steer(&mut self, cell: u32) {
+        self.cell = cell;
+    }
+
     fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {
         let Some(analog) = self.receiver.hear(analog, self.seed, trigger) else {
             return codes.fill(0);
         };
-        let Self { receiver, scene, seed, aerosol, before, window } = self;
+        let Self { receiver, scene, seed, cell, aerosol, before, window } = self;
         let key = noise_key(*seed, trigger);
         let (early, codes) = codes.split_at_mut(analog.pre_trigger.min(codes.len()));
         if !early.is_empty() {
@@ -92,7 +98,7 @@ impl FrontEnd for WaveformFrontEnd {
             let noise = (before_the_trigger(key), photons);
             before.render(receiver, &quiet, Light::default(), noise, early);
         }
-        let returns = scene.of(trigger.beam as usize);
+        let returns = scene.at(trigger.beam as usize, *cell);
         let light = match aerosol {
             Some(air) => air.fill(receiver, &analog, returns, (*seed, trigger), codes.len()),
             None => Light { returns, background: &[] },

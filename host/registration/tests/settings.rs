@@ -42,26 +42,28 @@ fn default(setting: &Setting, method: Method) -> String {
     }
 }
 
-/// All axes of a search.
+/// All axes of a search, methods that share one together.
 fn axes() -> String {
     let mut text = String::from("| axis | symbol | method | `outdoor` | `paper` | starts at |\n");
     text += "|---|---|---|---|---|---|\n";
     for setting in SETTINGS {
+        let mut rows: Vec<([String; 2], Vec<&str>)> = Vec::new();
         for method in Method::ALL {
             let Some(search) = setting.of(method).and_then(|of| of.search) else { continue };
             let outdoor = MethodConfig::outdoor(method).get(setting.key).unwrap_or(f64::NAN);
-            let _ = writeln!(
-                text,
-                "| `{}` | {} | {} | {} | {} |",
-                setting.key,
-                search.symbol,
-                method.name(),
-                range(search.outdoor),
-                match search.paper {
-                    Some((paper, start)) => format!("{} | {outdoor}, {start}", range(paper)),
-                    None => format!("none | {outdoor}, none"),
-                }
-            );
+            let (paper, start) = search
+                .paper
+                .map_or(("none".into(), "none".into()), |(r, at)| (range(r), at.to_string()));
+            let ranges = format!("{} | {paper} | {outdoor}, {start}", range(search.outdoor));
+            let row = [search.symbol.to_owned(), ranges];
+            match rows.iter_mut().find(|(of, _)| *of == row) {
+                Some((_, methods)) => methods.push(method.name()),
+                None => rows.push((row, vec![method.name()])),
+            }
+        }
+        for ([symbol, ranges], methods) in rows {
+            let (key, methods) = (setting.key, methods.join(", "));
+            let _ = writeln!(text, "| `{key}` | {symbol} | {methods} | {ranges} |");
         }
     }
     text

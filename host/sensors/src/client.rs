@@ -147,6 +147,8 @@ pub struct Client<T> {
     hash: u32,
     /// Settings of that hash.
     settings: Settings,
+    /// Scan pattern with the aim of the settings.
+    pattern: ScanPattern,
     /// True while the settings committed last are on trial: at any frame boundary they may be
     /// replaced and the generation may rise.
     on_trial: bool,
@@ -194,6 +196,7 @@ impl<T: Transport> Client<T> {
             generation: 0,
             hash: 0,
             settings: Settings::default(),
+            pattern: ScanPattern::default(),
             on_trial: false,
             unsure: true,
             echoes: 0,
@@ -250,9 +253,21 @@ impl<T: Transport> Client<T> {
             return Err(ClientError::Unexpected { command: "read settings" });
         };
         self.on_trial &= (generation, hash) == (self.generation, self.hash);
+        self.hold(&settings)?;
         (self.generation, self.hash, self.unsure) = (generation, hash, false);
-        self.settings = settings;
         Ok(settings)
+    }
+
+    /// Keeps the active settings, and the pattern with their aim.
+    fn hold(&mut self, settings: &Settings) -> Result<(), ClientError> {
+        self.pattern = self.identity.pattern.aimed(settings)?; // the sensor checked them
+        self.settings = *settings;
+        Ok(())
+    }
+
+    /// Scan pattern with the aim of the settings committed last.
+    pub fn pattern(&self) -> &ScanPattern {
+        &self.pattern
     }
 
     /// Active settings, read from the sensor only where this side is unsure.
@@ -343,9 +358,9 @@ impl<T: Transport> Client<T> {
         let Report::Committed { generation, hash } = self.ask(&commit)? else {
             return Err(ClientError::Unexpected { command: "commit" });
         };
+        self.hold(settings)?;
         (self.generation, self.hash, self.on_trial, self.unsure) =
             (generation, hash, frames > 0, false);
-        self.settings = *settings;
         Ok(hash)
     }
 
@@ -450,7 +465,7 @@ impl<T: Transport> Client<T> {
         frame: u32,
         command: impl Fn(u32, u16) -> Command<'static>,
     ) -> Result<Vec<Echoes>, ClientError> {
-        let total = self.identity.pattern.beams();
+        let total = self.pattern.beams();
         let mut scan = Vec::with_capacity(total as usize);
         while (scan.len() as u32) < total {
             let first = scan.len() as u32;

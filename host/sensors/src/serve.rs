@@ -17,15 +17,27 @@ use echoloop_frontend::WaveformFrontEnd;
 /// between commands.
 const PIECE: usize = 16;
 
+/// Responses of a scene to a sensor at numbered viewpoints, from 1.
+pub trait Views: Send {
+    /// Response of a viewpoint to every beam that the sensor's settings can aim; `None` where there
+    /// is no such viewpoint.
+    fn view(&self, number: u32) -> Option<Arc<SceneResponse>>;
+}
+
+impl Views for Vec<Arc<SceneResponse>> {
+    fn view(&self, number: u32) -> Option<Arc<SceneResponse>> {
+        self.get((number as usize).checked_sub(1)?).cloned()
+    }
+}
+
 /// Front end that looks at viewpoint n for scan n, n from 1, and at nothing for other numbers. Its
 /// noise is that of the request. Without one it depends on seed, scan and beam only, so a viewpoint
 /// looks the same to every candidate.
-#[derive(Clone, Debug)]
 pub struct Viewpoints {
     front_end: WaveformFrontEnd,
     pattern: ScanPattern,
     hardware: Hardware,
-    views: Vec<Arc<SceneResponse>>,
+    views: Box<dyn Views>,
     nothing: Arc<SceneResponse>,
     seed: u64,
     /// Noise of the request.
@@ -36,10 +48,10 @@ pub struct Viewpoints {
 
 impl Viewpoints {
     /// Front end with these viewpoints.
-    pub fn new(model: &Model, views: Vec<Arc<SceneResponse>>, seed: u64) -> Self {
+    pub fn new(model: &Model, views: impl Views + 'static, seed: u64) -> Self {
         let nothing = Arc::new(SceneResponse::empty(model.pattern.beams()));
         let Model { pattern, hardware, .. } = *model;
-        let (front_end, showing) = (model.front_end(), (0, seed));
+        let (views, front_end, showing) = (Box::new(views), model.front_end(), (0, seed));
         Self { front_end, pattern, hardware, views, nothing, seed, noise: None, showing }
     }
 
@@ -56,9 +68,8 @@ impl Viewpoints {
         if self.showing == (number, seed) {
             return;
         }
-        let place = (number as usize).checked_sub(1);
-        let view = place.and_then(|place| self.views.get(place)).unwrap_or(&self.nothing);
-        self.front_end.look_at(Arc::clone(view), seed);
+        let view = self.views.view(number).unwrap_or_else(|| Arc::clone(&self.nothing));
+        self.front_end.look_at(view, seed);
         self.showing = (number, seed);
     }
 }
@@ -70,6 +81,10 @@ impl FrontEnd for Viewpoints {
 
     fn name_noise(&mut self, noise: Option<ScanNoise>) {
         self.noise = noise;
+    }
+
+    fn steer(&mut self, cell: u32) {
+        self.front_end.steer(cell);
     }
 
     fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {

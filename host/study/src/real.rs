@@ -239,7 +239,7 @@ impl Variant {
     fn untuned(base: &Base, cell: &Cell) -> Result<Self, RealError> {
         let config = cell.untuned().config(base)?;
         let start =
-            Parameters::start(&config, &config.hardware()).map_err(|error| misfit(cell, error))?;
+            Parameters::start(&config, &config.device()).map_err(|error| misfit(cell, error))?;
         let settings = format!("default, {}", name_of(cell.ranges));
         let mut variant = Self::new(cell, config, settings, Some(start.registration));
         variant.row.default = Some(cell.ranges);
@@ -253,10 +253,10 @@ impl Variant {
         let record = is_tuned.then(|| folder.record(cell).ok().flatten()).flatten();
         let Some(record) = record else { return Ok(None) };
         let config = cell.config(base)?;
-        let hardware = config.hardware();
-        let start = Parameters::start(&config, &hardware).map_err(|error| misfit(cell, error))?;
+        let device = config.device();
+        let start = Parameters::start(&config, &device).map_err(|error| misfit(cell, error))?;
         let theta = start
-            .with_values(&record.parameters, &config, &hardware)
+            .with_values(&record.parameters, &config, &device)
             .map_err(|error| misfit(cell, error))?;
         let by = if cell.strategy == Some(Strategy::Paper) { ", paper's search" } else { "" };
         let (scene, ranges) = (name_of(cell.scene), name_of(cell.ranges));

@@ -121,11 +121,11 @@ mod tests {
         let mut seen = Vec::new();
         for cell in cells {
             let config = cell.config(&base).unwrap();
-            let start = Parameters::start(&config, &config.hardware()).unwrap();
+            let start = Parameters::start(&config, &config.device()).unwrap();
             let untuned = cell.untuned();
             assert!(untuned.is_of_the_table() && !cell.is_of_the_table());
             let usual = untuned.config(&base).unwrap();
-            let usual = Parameters::start(&usual, &usual.hardware()).unwrap();
+            let usual = Parameters::start(&usual, &usual.device()).unwrap();
             assert!(start != usual && !seen.contains(&(start, cell.scene)), "{cell}");
             seen.push((start, cell.scene));
         }

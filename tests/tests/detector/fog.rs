@@ -56,8 +56,11 @@ impl Fog {
     fn found(&self, reflectance: f64, range_m: f64) -> u32 {
         let strength_per_m2 = (reflectance / PI / range_m / range_m) as f32;
         let target = Return { range_m: range_m as f32, strength_per_m2 };
-        let scene =
-            SceneResponse { beams: (0..=BEAMS).collect(), returns: vec![target; BEAMS as usize] };
+        let scene = SceneResponse {
+            beams: (0..=BEAMS).collect(),
+            returns: vec![target; BEAMS as usize],
+            ..SceneResponse::default()
+        };
         let mut front_end = WaveformFrontEnd::new(self.receiver.clone(), Arc::new(scene), 7);
         let mut codes = vec![0; self.settings.bins as usize];
         let mut scratch = Scratch::new();

@@ -151,7 +151,8 @@ fn noise_alone_gives_the_false_alarms_of_the_threshold() {
 fn scan(settings: &Settings, ranges_m: &[f64], ideal: bool) -> Vec<Vec<Echo>> {
     let beams = ranges_m.len() as u32;
     let returns = ranges_m.iter().map(|&range_m| wall(0.3, range_m)).collect();
-    let response = SceneResponse { beams: (0..=beams).collect(), returns };
+    let response =
+        SceneResponse { beams: (0..=beams).collect(), returns, ..SceneResponse::default() };
     let front_end = WaveformFrontEnd::new(Receiver::default(), Arc::new(response), 3);
     let grid = echoloop_dsp::Grid { columns: beams as u16, rows: 1, ..Default::default() };
     let pattern = echoloop_dsp::ScanPattern::Grid(grid);

@@ -452,7 +452,11 @@ fn through_the_link(
     beams: u32,
 ) -> Vec<(Echo, f64)> {
     let wall = wall(albedo, range_m);
-    let scene = SceneResponse { beams: (0..=beams).collect(), returns: vec![wall; beams as usize] };
+    let scene = SceneResponse {
+        beams: (0..=beams).collect(),
+        returns: vec![wall; beams as usize],
+        ..SceneResponse::default()
+    };
     let pattern = echoloop_dsp::ScanPattern::Grid(echoloop_dsp::Grid {
         columns: beams as u16,
         rows: 1,

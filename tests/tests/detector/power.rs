@@ -45,10 +45,15 @@ fn town(kind: &str) -> (Dataset, Sensors) {
 }
 
 /// Number of echoes in a scan from each pair's first viewpoint; `dark`: of a scene without returns.
-fn echoes(sensors: &Sensors, pairs: &[ScanPair], settings: &Settings, dark: bool) -> usize {
-    let nothing = Arc::new(SceneResponse { beams: vec![0; BEAMS + 1], returns: Vec::new() });
+fn echoes(sensors: &Sensors, dataset: &Dataset, settings: &Settings, dark: bool) -> usize {
+    let nothing = Arc::new(SceneResponse {
+        beams: vec![0; BEAMS + 1],
+        returns: Vec::new(),
+        ..SceneResponse::default()
+    });
     let scan = |pair: &ScanPair| {
-        let scene = if dark { &nothing } else { &pair.first };
+        let lit = pair.first.to(&dataset.beams);
+        let scene = if dark { &nothing } else { &lit };
         let view = View { scene, noise_seed: 9, scan: 1, viewpoint: pair.viewpoints[0] };
         let scan = sensors.with(|sensor| {
             sensor.configure(settings)?;
@@ -56,7 +61,7 @@ fn echoes(sensors: &Sensors, pairs: &[ScanPair], settings: &Settings, dark: bool
         });
         scan.expect("a scan").iter().map(|echoes| echoes.len()).sum::<usize>()
     };
-    pairs.iter().map(scan).sum()
+    dataset.train.iter().map(scan).sum()
 }
 
 #[test]
@@ -67,7 +72,7 @@ fn at_the_least_power_nothing_is_detected_in_any_kind_of_scene() {
         for (name, settings) in settings() {
             let at = |power_uw, dark| {
                 let settings = Settings { power_uw, ..settings };
-                echoes(&sensors, &dataset.train, &settings, dark)
+                echoes(&sensors, &dataset, &settings, dark)
             };
             let of_noise = at(least_uw, true);
             let strongest = settings.power_uw;

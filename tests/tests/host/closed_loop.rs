@@ -9,7 +9,7 @@ use std::sync::{Arc, LazyLock};
 use echoloop_closed_loop::beams::Beams;
 use echoloop_closed_loop::config::preset::{ErrorMean, LidarPreset, PAPER_LIDAR, Preset, Protocol};
 use echoloop_closed_loop::config::{RunConfig, load};
-use echoloop_closed_loop::dataset::{Dataset, Place, ScanPair, respond_at};
+use echoloop_closed_loop::dataset::{Dataset, Place, Response, ScanPair, respond_at};
 use echoloop_closed_loop::evaluation::objective::{Bench, PairError, Worth};
 use echoloop_closed_loop::evaluation::scan_cloud::cloud_from_scan;
 use echoloop_closed_loop::evaluation::summary::{NoisyPairs, evaluate};
@@ -76,13 +76,13 @@ static SENSORS: LazyLock<Sensors> =
     LazyLock::new(|| Sensors::in_process(Model::from(&config(&[]))));
 
 fn search(config: &RunConfig) -> TuneSearch<'_> {
-    let start = Parameters::start(config, &HARDWARE).expect("a start");
+    let start = Parameters::start(config, &config.device()).expect("a start");
     let space = Space::new(
         config.tune.protocol,
         config.tune.lidar,
         config.registration.preset,
         start,
-        HARDWARE,
+        config.device(),
     );
     let bench = Bench { dataset: &TOWN, sensors: &SENSORS };
     TuneSearch { config, bench, space, start, warm_starts: Vec::new(), stop: &NEVER }
@@ -152,7 +152,7 @@ fn the_fast_search_moves_each_part_alone_then_the_sensor_again_then_both() {
         let differs = |i: usize| generation.candidates.iter().any(|c| c.point[i] != first[i]);
         (0..first.len()).map(differs).collect()
     };
-    let sensor = LidarPreset::Usual.parameters().len();
+    let sensor = LidarPreset::Usual.parameters(false).len();
     let both = sensor + 8;
     for generation in &tuned.generations {
         let (own, size) = match &*generation.stage {
@@ -295,7 +295,8 @@ fn a_joint_choice_that_is_not_ahead_on_held_back_pairs_yields_to_registration_al
     let half = tuned(&self::config(&half), 2).1;
     assert_ne!(winner.parameters.settings, search(&config).start.settings, "else nothing to check");
     // Without returns, both have the error of the initial guess.
-    let nothing = Arc::new(SceneResponse::empty(TOWN.test[0].first.len() as u32));
+    let beams = TOWN.beams.pattern().beams();
+    let nothing = Response::Fixed(Arc::new(SceneResponse::empty(beams)));
     let mut blind = TOWN.test.clone();
     blind.iter_mut().for_each(|p| (p.first, p.second) = (nothing.clone(), nothing.clone()));
     let (found, made) = checked(&config, blind);
@@ -373,7 +374,8 @@ fn viewpoints_are_numbered_training_pairs_first() {
             .chain(&TOWN.test)
             .find(|pair| pair.viewpoints.contains(number))
             .expect("a pair");
-        assert!(Arc::ptr_eq(scene, if number % 2 == 1 { &pair.first } else { &pair.second }));
+        let response = if number % 2 == 1 { &pair.first } else { &pair.second };
+        assert!(Arc::ptr_eq(&scene, &response.to(&TOWN.beams)));
     }
 }
 
@@ -535,7 +537,8 @@ fn the_default_protocol_searches_nothing() {
 
 #[test]
 fn each_protocol_changes_its_own_axes_and_no_others() {
-    let start = Parameters::start(&config(&[]), &HARDWARE).expect("a start");
+    let device = config(&[]).device();
+    let start = Parameters::start(&config(&[]), &device).expect("a start");
     let lidar: BTreeSet<String> =
         PAPER_LIDAR.iter().map(|id| format!("lidar.{}", id.parameter().name)).collect();
     let registration: BTreeSet<String> = start
@@ -550,7 +553,7 @@ fn each_protocol_changes_its_own_axes_and_no_others() {
         (Protocol::Joint, &lidar | &registration),
     ];
     for (protocol, own) in table {
-        let space = Space::new(protocol, LidarPreset::Paper, Preset::Outdoor, start, HARDWARE);
+        let space = Space::new(protocol, LidarPreset::Paper, Preset::Outdoor, start, device);
         assert_eq!(
             space.axes().iter().map(|axis| axis.name.to_owned()).collect::<BTreeSet<_>>(),
             own
@@ -594,7 +597,11 @@ impl Targets {
             let strength = height(f64::from(i) / f64::from(beams)) / full_scale;
             Return { range_m: range_m as f32, strength_per_m2: strength as f32 }
         });
-        let response = SceneResponse { beams: (0..=beams).collect(), returns: returns.collect() };
+        let response = SceneResponse {
+            beams: (0..=beams).collect(),
+            returns: returns.collect(),
+            ..SceneResponse::default()
+        };
         Self { pattern, receiver, response: Arc::new(response), ranges_m }
     }
 
@@ -845,7 +852,8 @@ fn a_scan_of_a_wall_is_unbiased_at_every_albedo() {
     let x = WALL_M as f32;
     println!("albedo    yaw     bias      rms   points");
     for albedo in [0.05, 0.1, 0.3, 0.6, 0.9] {
-        let place = rectangles(&[[[x, -60.0, -20.0], [x, 60.0, -20.0], [x, 60.0, 20.0]]], albedo);
+        let place =
+            Arc::new(rectangles(&[[[x, -60.0, -20.0], [x, 60.0, -20.0], [x, 60.0, 20.0]]], albedo));
         for yaw_deg in [0.0_f64, 25.0] {
             let pose = Pose::new(Vector3::zeros(), Vector3::new(0.0, 0.0, yaw_deg.to_radians()));
             let response = Arc::new(respond_at(&config, &place, &pose, 1, &beams));
@@ -900,7 +908,7 @@ fn registration_finds_the_motion_between_two_scans_of_a_yard() {
     ];
     let mut sides = vec![ground];
     sides.extend(blocks.iter().flatten());
-    let place = rectangles(&sides, 0.3);
+    let place = Arc::new(rectangles(&sides, 0.3));
     let pattern = ScanPattern::Grid(Grid {
         columns: 128,
         rows: 64,
@@ -909,12 +917,13 @@ fn registration_finds_the_motion_between_two_scans_of_a_yard() {
     });
     let beams = Beams::new(pattern);
     let config = config(&[]);
-    let start = Parameters::start(&config, &HARDWARE).expect("a start");
+    let start = Parameters::start(&config, &config.device()).expect("a start");
     let pose = |v: [f64; 3], turn_deg: [f64; 3]| {
         Pose::new(Vector3::from(v), Vector3::from(turn_deg.map(f64::to_radians)))
     };
     let first = pose([0.0, 0.0, 2.0], [0.5, -0.5, 10.0]);
-    let look = |pose: &Pose| Arc::new(respond_at(&config, &place, pose, 1, &beams));
+    let look =
+        |pose: &Pose| Response::Fixed(Arc::new(respond_at(&config, &place, pose, 1, &beams)));
     let (train, test, check) = (Vec::new(), Vec::new(), Vec::new());
     let dataset = Dataset { beams: beams.clone(), train, test, check, triangles: 0 };
     let sensors = Sensors::in_process(model(&config.receiver, pattern));
@@ -937,8 +946,8 @@ fn registration_finds_the_motion_between_two_scans_of_a_yard() {
             place: "yard".into(),
             truth: truth.inverse(),
             world_from_sensor: [second, first],
-            first: Arc::clone(&pair.second),
-            second: Arc::clone(&pair.first),
+            first: pair.second.clone(),
+            second: pair.first.clone(),
             viewpoints: [2, 1],
             overlap: 1.0,
         };

@@ -14,7 +14,6 @@ use echoloop_closed_loop::front::{Front, FrontPoint, FrontSearch};
 use echoloop_closed_loop::parameters::{Parameters, Space};
 use echoloop_closed_loop::run_folder::journal::{CandidateRecord, Generation, Journal};
 use echoloop_closed_loop::search::{Observer, Silent, TuneError, TuneSearch};
-use echoloop_dsp::Hardware;
 use echoloop_sensors::sensor::{Model, Sensors};
 
 const GENERATIONS: usize = 3;
@@ -44,10 +43,10 @@ static TOWN: LazyLock<Dataset> =
 static SENSORS: LazyLock<Sensors> = LazyLock::new(|| Sensors::in_process(Model::from(&*CONFIG)));
 
 fn search(stop: &AtomicBool) -> TuneSearch<'_> {
-    let (config, hardware) = (&*CONFIG, Hardware::REFERENCE);
-    let start = Parameters::start(config, &hardware).expect("a start");
+    let (config, device) = (&*CONFIG, CONFIG.device());
+    let start = Parameters::start(config, &device).expect("a start");
     let (tune, preset) = (&config.tune, config.registration.preset);
-    let space = Space::new(tune.protocol, tune.lidar, preset, start, hardware);
+    let space = Space::new(tune.protocol, tune.lidar, preset, start, device);
     TuneSearch {
         config,
         bench: Bench { dataset: &TOWN, sensors: &SENSORS },
@@ -220,7 +219,7 @@ fn start_and_choice_are_not_judged_again_when_they_are_on_the_front() {
     let (_, front) = found(&at("before"), 2, POWER_UW, &[]).expect("a front");
     let mut on_both = 0;
     for (number, point) in front.points.iter().enumerate() {
-        let tuned = search.start.with_values(&point.values, &*CONFIG, &Hardware::REFERENCE);
+        let tuned = search.start.with_values(&point.values, &*CONFIG, &CONFIG.device());
         let tuned = tuned.expect("parameters");
         let judged = [search.start, tuned].map(|own| search.judge(&own, &Silent).expect("judged"));
         let front = FrontSearch { tuned, ..of_choice(&search, 1, &judged) };

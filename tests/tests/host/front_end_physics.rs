@@ -46,7 +46,11 @@ fn silent() -> Receiver {
 }
 
 fn one_beam(returns: &[Return]) -> Arc<SceneResponse> {
-    Arc::new(SceneResponse { beams: vec![0, returns.len() as u32], returns: returns.to_vec() })
+    Arc::new(SceneResponse {
+        beams: vec![0, returns.len() as u32],
+        returns: returns.to_vec(),
+        ..SceneResponse::default()
+    })
 }
 
 fn wall(range_m: f64, rho: f64) -> Return {
@@ -509,6 +513,7 @@ fn scans(text: &str, count: u32) -> Vec<Vec<Option<f64>>> {
     let scene = Arc::new(SceneResponse {
         beams: (0..=beams).collect(),
         returns: (0..beams).map(|_| wall(60.0, 0.1)).collect(),
+        ..SceneResponse::default()
     });
     let mut sensor = Sensor::in_process(&model).unwrap();
     sensor.configure(&config.lidar.0).unwrap();
@@ -587,7 +592,7 @@ fn moving(motion: Motion) -> RunConfig {
 fn points(config: &RunConfig, viewpoint: u32) -> Vec<(usize, f64, f64)> {
     let beams = config.scanner.beams();
     let directions = beams.directions(viewpoint);
-    let response = respond_at(config, &place(), &Pose::identity(), viewpoint, &beams);
+    let response = respond_at(config, &Arc::new(place()), &Pose::identity(), viewpoint, &beams);
     let point = |(beam, d): (usize, &nalgebra::Vector3<f32>)| {
         let range_m = response.of(beam).first()?.range_m;
         Some((beam, f64::from(range_m * d.x), f64::from(range_m * d.y)))
@@ -633,7 +638,7 @@ fn points_of_a_rosette_s_scan_use_the_beams_of_its_own_viewpoint() {
     let own = points(&config, 5);
     assert_eq!(own.len(), 600);
     assert!(own.iter().all(|(_, x, _)| (x - 20.0).abs() < 1e-4));
-    let response = respond_at(&config, &place(), &Pose::identity(), 5, &beams);
+    let response = respond_at(&config, &Arc::new(place()), &Pose::identity(), 5, &beams);
     let others = beams.directions(4);
     let off = |beam: &usize| (response.of(*beam)[0].range_m * others[*beam].x - 20.0).abs() > 0.01;
     assert!((0..600).filter(off).count() > 500, "another viewpoint has other beams");
@@ -657,7 +662,8 @@ fn a_sensor_that_stands_still_scans_as_without_motion() {
     let plain = moving(Motion::default());
     let beams = plain.scanner.beams();
     let directions = beams.directions(1);
-    let scan = |config: &RunConfig| respond_at(config, &place(), &Pose::identity(), 1, &beams);
+    let scan =
+        |config: &RunConfig| respond_at(config, &Arc::new(place()), &Pose::identity(), 1, &beams);
     let optics = BeamOptics { divergence_mrad: plain.receiver.divergence_mrad, subrays: 1 };
     let arrays: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
     let at_once = scanner::scan(&place().caster, MATERIALS, &Pose::identity(), &arrays, &optics);

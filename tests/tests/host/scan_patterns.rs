@@ -112,7 +112,12 @@ fn the_time_of_a_beam_is_the_firing_time_of_its_laser() {
 /// A wall all around the sensor, at 20 m.
 fn tube(beams: u32) -> Arc<SceneResponse> {
     let back = Return { range_m: 20.0, strength_per_m2: 0.5 / PI / 400.0 };
-    SceneResponse { beams: (0..=beams).collect(), returns: vec![back; beams as usize] }.into()
+    SceneResponse {
+        beams: (0..=beams).collect(),
+        returns: vec![back; beams as usize],
+        ..SceneResponse::default()
+    }
+    .into()
 }
 
 #[test]

@@ -3,6 +3,7 @@
 //! `cargo test -p echoloop-tests --test link store::`.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+mod aim;
 mod any_bytes;
 mod in_time;
 mod link_faults;

@@ -61,7 +61,7 @@ fn cut_everywhere<const W: usize, const E: usize>() -> usize {
         let old = (times > 0).then(|| set(times));
         let (new, newer) = (set(100), set(200));
         for (seed, step) in
-            (0..16).flat_map(|seed| (0..RECORD / W + 4).map(move |step| (seed, step)))
+            (0..16).flat_map(|seed| (0..RECORD / W + 8).map(move |step| (seed, step)))
         {
             let mut flash = worn::<W, E>(times);
             flash.cut_after(step, seed);
@@ -103,7 +103,7 @@ fn a_power_cut_anywhere_in_a_save_leaves_the_old_settings_or_the_new() {
     ];
     println!("cuts: {cuts:?}");
     // One step for each block erased and word written; from three states, torn in sixteen ways.
-    assert_eq!(cuts, [1 + 128, 1 + 32, 1 + 16, 1 + 8, 2 + 32, 4 + 4].map(|steps| 3 * 16 * steps));
+    assert_eq!(cuts, [1 + 256, 1 + 64, 1 + 32, 2 + 16, 4 + 64, 8 + 8].map(|steps| 3 * 16 * steps));
 }
 
 #[test]
@@ -136,7 +136,7 @@ fn saved_settings_survive_many_power_cuts() {
     let (mut old, mut cut) = (None, 0);
     for i in 0..20_000 {
         let new = set(rng.random_range(0..4_000));
-        flash.cut_after(rng.random_range(0..60), i);
+        flash.cut_after(rng.random_range(0..120), i);
         let saved = save(&mut flash, &HARDWARE, &new).is_ok();
         flash.switch_on();
         let found = settings(&mut flash);
@@ -262,7 +262,7 @@ fn the_widest_settings_fit_a_record() {
     let mut flash = RamNorFlash::<4, 256>::default();
     // They do not pass the check, so they are written and never loaded.
     assert_eq!(save(&mut flash, &HARDWARE, &widest), Ok(1));
-    assert_eq!(used(flash.bytes()), 20 + 101 + 4);
+    assert_eq!(used(flash.bytes()), 20 + 149 + 4);
     assert_eq!(settings(&mut flash), None);
 }
 

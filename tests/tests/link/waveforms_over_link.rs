@@ -31,7 +31,8 @@ const PATTERN: ScanPattern =
 
 /// A scene with a wall in every beam and a nearer target in every third.
 fn scene() -> Arc<SceneResponse> {
-    let mut response = SceneResponse { beams: vec![0], returns: Vec::new() };
+    let mut response =
+        SceneResponse { beams: vec![0], returns: Vec::new(), ..SceneResponse::default() };
     for beam in 0..PATTERN.beams() {
         let near_m = 4.0 + 0.37 * beam as f32;
         let wall = |range_m: f32| Return { range_m, strength_per_m2: 0.1 / range_m.powi(2) };

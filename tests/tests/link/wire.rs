@@ -155,7 +155,7 @@ fn every_worked_example_of_the_document_is_right() {
 #[test]
 fn a_changed_schema_needs_a_changed_protocol() {
     // To change a message: append, raise PROTOCOL, and write both new values here and in WIRE.md.
-    assert_eq!((PROTOCOL, SCHEMA), (10, 0x0e4f_4b89_50ed_4804), "the schema is {SCHEMA:#018x}");
+    assert_eq!((PROTOCOL, SCHEMA), (11, 0xcd4d_5ce5_16fb_5ed4), "the schema is {SCHEMA:#018x}");
     let document = include_str!("../../../firmware/link/WIRE.md");
     let line = format!("Protocol {PROTOCOL}, schema\n`{SCHEMA:#018x}`");
     assert!(document.contains(&line), "WIRE.md should have\n{line}");
@@ -557,12 +557,22 @@ fn every_variant_has_these_bytes() {
             refused(Id::GainRange, 40_000, Reason::BeyondMiddle { middle_mm: 25_500 }),
             "02 12 80 f1 04 06 9c c7 01",
         ),
+        (refused(Id::Tilt, -500, Reason::NotSteered), "02 16 e7 07 07"),
+        (
+            refused(Id::Tilt, 1_001, Reason::BeyondMount { most_cdeg: 1_000 }),
+            "02 16 d2 0f 08 d0 0f",
+        ),
+        (refused(Id::Rows, 51, Reason::FinerThanRaster { step_cdeg: 20 }), "02 18 66 09 28"),
+        (
+            refused(Id::FrameTime, 100_000, Reason::FrameTooShort { needed_us: 122_880 }),
+            "02 1b c0 9a 0c 0a 80 c0 07",
+        ),
         (Report::Staged { hash }, "03 f8 ac d1 91 01"),
         (Report::Committed { generation: 300, hash }, "04 ac 02 f8 ac d1 91 01"),
         (
             Report::Settings { generation: 300, hash, settings },
             "05 ac 02 f8 ac d1 91 01 80 a3 c3 47 90 4e 00 c0 0c 02 80 89 7a c0 3e b8 49 02 04 00 \
-             06 01 ae 0d 02 00 00 00 00 80 f1 04 d0 0f",
+             06 01 ae 0d 02 00 00 00 00 80 f1 04 d0 0f 00 00 00 00 00 00 00 00",
         ),
         (
             Report::Beams {
@@ -609,6 +619,14 @@ fn fields_and_flags_keep_their_numbers() {
         "gain_slope",
         "gain_range",
         "overlap",
+        "azimuth_span",
+        "elevation_span",
+        "tilt",
+        "columns",
+        "rows",
+        "azimuth_fovea",
+        "elevation_fovea",
+        "frame_time",
     ];
     assert_eq!(PARAMETERS.map(|p| p.name), names);
     for (number, parameter) in PARAMETERS.iter().enumerate() {
@@ -627,7 +645,7 @@ fn fields_and_flags_keep_their_numbers() {
 
 #[test]
 fn a_hash_covers_settings_of_any_width() {
-    assert_eq!(settings_hash(&Settings::default()), 0xde85_37dd);
+    assert_eq!(settings_hash(&Settings::default()), 0x72bc_8b8a);
     let mut settings = Settings::default();
     PARAMETERS.iter().for_each(|p| settings.set(p.id, Some(i32::MIN)));
     let widest = settings_hash(&settings);

@@ -9,15 +9,20 @@ pub mod grid;
 pub mod lasers;
 pub mod rosette;
 pub mod spinning;
+pub mod steered;
 pub mod table;
 
 use core::fmt;
 
+use crate::settings::reason::Reason;
+use crate::settings::refusal::Refusal;
+use crate::settings::{ParameterId, Settings};
 use crate::stages::echo::Echo;
 pub use angle::exact_unit;
 use grid::Grid;
 use rosette::Rosette;
 use spinning::{Spinning, SpinningModel};
+use steered::Steered;
 use table::BeamTable;
 
 /// Directions of the beams of a scan, in the sensor's frame: x ahead, y left, z up.
@@ -35,6 +40,8 @@ pub enum ScanPattern {
     Rosette(Rosette),
     /// List of beams, of which this program has only the hash.
     Table(BeamTable),
+    /// Beams that the settings aim.
+    Steered(Steered),
 }
 
 impl Default for ScanPattern {
@@ -46,12 +53,13 @@ impl Default for ScanPattern {
 
 impl ScanPattern {
     /// One pattern of each kind, in the order of their numbers on the wire: tests go through them.
-    pub const EXAMPLES: [Self; 5] = [
+    pub const EXAMPLES: [Self; 6] = [
         Self::Grid(EXAMPLE_GRID),
         Self::Raster(EXAMPLE_GRID),
         Self::Spinning(Spinning { model: SpinningModel::Os1x128, columns: 65_000 }),
         Self::Rosette(Rosette::MID_40),
         Self::Table(BeamTable { beams: 131_072, channels: 300, hash: u32::MAX }),
+        Self::Steered(Steered::REFERENCE),
     ];
 
     /// Number of beams of a scan.
@@ -61,6 +69,7 @@ impl ScanPattern {
             Self::Spinning(spinning) => spinning.beams(),
             Self::Rosette(rosette) => rosette.beams,
             Self::Table(table) => table.beams,
+            Self::Steered(steered) => steered.beams(),
         }
     }
 
@@ -68,7 +77,7 @@ impl ScanPattern {
     pub fn channels(&self) -> u16 {
         match self {
             Self::Grid(grid) => grid.rows,
-            Self::Raster(_) | Self::Rosette(_) => 1,
+            Self::Raster(_) | Self::Rosette(_) | Self::Steered(_) => 1,
             Self::Spinning(spinning) => spinning.lasers(),
             Self::Table(table) => table.channels,
         }
@@ -84,6 +93,7 @@ impl ScanPattern {
             Self::Spinning(spinning) => spinning.direction(beam),
             Self::Rosette(rosette) => rosette.direction(scan, beam),
             Self::Table(_) => return None,
+            Self::Steered(steered) => steered.direction(beam),
         };
         Some(unit)
     }
@@ -98,6 +108,7 @@ impl ScanPattern {
             Self::Spinning(spinning) => spinning.exact_direction(beam),
             Self::Rosette(rosette) => Some(rosette.exact_direction(scan, beam)),
             Self::Table(_) => None,
+            Self::Steered(steered) => Some(steered.exact_direction(beam)),
         }
     }
 
@@ -112,6 +123,7 @@ impl ScanPattern {
             Self::Grid(grid) | Self::Raster(grid) => Some([grid.columns, grid.rows]),
             Self::Spinning(spinning) => Some([spinning.columns, spinning.lasers()]),
             Self::Rosette(_) | Self::Table(_) => None,
+            Self::Steered(steered) => Some([steered.aim.columns, steered.aim.rows]),
         }
     }
 
@@ -125,6 +137,7 @@ impl ScanPattern {
                 [column, spinning.ring(beam)]
             }
             Self::Rosette(_) | Self::Table(_) => [beam, 0],
+            Self::Steered(steered) => steered.column_and_row(beam),
         }
     }
 
@@ -148,7 +161,33 @@ impl ScanPattern {
     pub fn duration_s(&self) -> f64 {
         match self {
             Self::Rosette(rosette) => rosette.duration_s(),
+            Self::Steered(steered) => f64::from(steered.aim.frame_us) / 1e6,
             _ => 0.0,
+        }
+    }
+
+    /// The pattern with the aim of these settings; a pattern that is not steered has none to set.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal`] of the first field that the pattern does not allow.
+    pub fn aimed(&self, settings: &Settings) -> Result<Self, Refusal> {
+        if let Self::Steered(steered) = self {
+            return steered.aimed(settings).map(Self::Steered);
+        }
+        for field in ParameterId::AIM {
+            if let Some(value) = settings.get(field) {
+                return Err(Refusal { field, value, reason: Reason::NotSteered });
+            }
+        }
+        Ok(*self)
+    }
+
+    /// Cell of the raster that a beam points to, column and row; `None` where none is steered.
+    pub fn cell(&self, beam: u32) -> Option<[u32; 2]> {
+        match self {
+            Self::Steered(steered) => Some(steered.cell(beam)),
+            _ => None,
         }
     }
 
@@ -182,6 +221,7 @@ impl fmt::Display for ScanPattern {
             Self::Spinning(spinning) => spinning.fmt(f),
             Self::Rosette(rosette) => rosette.fmt(f),
             Self::Table(table) => table.fmt(f),
+            Self::Steered(steered) => steered.fmt(f),
         }
     }
 }

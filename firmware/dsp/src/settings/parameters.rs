@@ -345,9 +345,70 @@ parameters! {
         codes_per_unit: 1000, min: 500, max: 20_000, default: Some(1_000),
         acts_in: "front end, reflectivity",
     }
+    /// Full azimuth range of the beams, 0.01°; `None`: as the scan pattern has it, as are all
+    /// fields of the aim.
+    azimuth_span_cdeg: Option<i32>, AzimuthSpan {
+        help: "Full azimuth range of the beams of a steered sensor.",
+        name: "azimuth_span", symbol: "", unit: "°", kind: REAL,
+        codes_per_unit: 100, min: 100, max: 36_000, default: None, acts_in: "aim",
+    }
+    /// Full elevation range of the beams, 0.01°.
+    elevation_span_cdeg: Option<i32>, ElevationSpan {
+        help: "Full elevation range of the beams of a steered sensor.",
+        name: "elevation_span", symbol: "", unit: "°", kind: REAL,
+        codes_per_unit: 100, min: 100, max: 18_000, default: None, acts_in: "aim",
+    }
+    /// Elevation of the middle of the beams, 0.01°.
+    tilt_cdeg: Option<i32>, Tilt {
+        help: "Elevation of the middle of the beams of a steered sensor.",
+        name: "tilt", symbol: "", unit: "°", kind: REAL,
+        codes_per_unit: 100, min: -9_000, max: 9_000, default: None, acts_in: "aim",
+    }
+    /// Number of beams along azimuth.
+    columns: Option<i32>, Columns {
+        help: "Number of beams of a steered sensor along azimuth.",
+        name: "columns", symbol: "", unit: "beams", kind: Kind::Integer,
+        codes_per_unit: 1, min: 1, max: 4_096, default: None, acts_in: "aim",
+    }
+    /// Number of beams along elevation.
+    rows: Option<i32>, Rows {
+        help: "Number of beams of a steered sensor along elevation.",
+        name: "rows", symbol: "", unit: "beams", kind: Kind::Integer,
+        codes_per_unit: 1, min: 1, max: 1_024, default: None, acts_in: "aim",
+    }
+    /// Foveation of the columns, 0.001: see [`Aim`](crate::Aim).
+    azimuth_fovea_milli: Option<i32>, AzimuthFovea {
+        help: "Foveation of the columns: above 0 they are denser ahead, below 0 at the sides.",
+        name: "azimuth_fovea", symbol: "", unit: "", kind: REAL,
+        codes_per_unit: 1000, min: -400, max: 900, default: None, acts_in: "aim",
+    }
+    /// Foveation of the rows, 0.001.
+    elevation_fovea_milli: Option<i32>, ElevationFovea {
+        help: "Foveation of the rows: above 0 they are denser about the tilt, below 0 far from it.",
+        name: "elevation_fovea", symbol: "", unit: "", kind: REAL,
+        codes_per_unit: 1000, min: -400, max: 900, default: None, acts_in: "aim",
+    }
+    /// Time of a scan, µs.
+    frame_us: Option<i32>, FrameTime {
+        help: "Time of a scan of a steered sensor.",
+        name: "frame_time", symbol: "", unit: "ms", kind: REAL,
+        codes_per_unit: 1000, min: 10_000, max: 1_000_000, default: None, acts_in: "aim",
+    }
 }
 
 impl ParameterId {
+    /// Fields of the aim, which only a steered pattern has.
+    pub const AIM: [Self; 8] = [
+        Self::AzimuthSpan,
+        Self::ElevationSpan,
+        Self::Tilt,
+        Self::Columns,
+        Self::Rows,
+        Self::AzimuthFovea,
+        Self::ElevationFovea,
+        Self::FrameTime,
+    ];
+
     /// Row of the table for this identifier.
     pub fn parameter(self) -> &'static Parameter {
         PARAMETERS.get(self as usize).unwrap_or(&PARAMETERS[0]) // a row each: never out of bounds

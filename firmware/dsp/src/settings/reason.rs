@@ -40,4 +40,21 @@ pub enum Reason {
         /// Middle of the window, mm.
         middle_mm: u32,
     },
+    /// The scan pattern is not steered: it has no aim.
+    NotSteered,
+    /// The aim reaches beyond the mount.
+    BeyondMount {
+        /// Largest angle that the mount allows, 0.01°.
+        most_cdeg: i32,
+    },
+    /// Two beams would point to the same cell of the mount's raster.
+    FinerThanRaster {
+        /// Step of the raster, 0.01°.
+        step_cdeg: i32,
+    },
+    /// The shots of a scan take longer than the scan.
+    FrameTooShort {
+        /// Time that they take, µs.
+        needed_us: u32,
+    },
 }

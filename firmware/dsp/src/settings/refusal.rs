@@ -49,6 +49,21 @@ impl fmt::Display for Refusal {
                 " is beyond the middle of the window, {} m (lower it, or set gain_slope to 0)",
                 f64::from(middle_mm) / 1e3
             ),
+            Reason::NotSteered => {
+                f.write_str(" is of no use: the scan pattern is not steered (leave it out)")
+            }
+            Reason::BeyondMount { most_cdeg } => {
+                write!(f, " is beyond the mount, which reaches {}°", f64::from(most_cdeg) / 100.0)
+            }
+            Reason::FinerThanRaster { step_cdeg } => write!(
+                f,
+                " are finer than the mount's step of {}° \
+                 (lower it or the foveation, or widen the span)",
+                f64::from(step_cdeg) / 100.0
+            ),
+            Reason::FrameTooShort { needed_us } => {
+                write!(f, " is shorter than the shots of a scan, {} ms", f64::from(needed_us) / 1e3)
+            }
         }
     }
 }

@@ -52,7 +52,7 @@ fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<(SeenPair, U
         return Err(Failure::usage(format_args!("there is no pair {index}")));
     };
     let preparation = connect(config, &SensorChoice::in_process(), &Progress::new(true))?;
-    let hardware = preparation.hardware;
+    let device = preparation.device;
     let prepared = preparation.with(dataset);
     let noise = derive(prepared.config.seed, Purpose::TestNoise, index as u64);
     let pair = &prepared.dataset.test[0];
@@ -70,7 +70,7 @@ fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<(SeenPair, U
     let laid = |seen: &Registered| LaidOn::new(&seen.clouds, &seen.first_from_second, &pair.truth);
     let tuned = |record: &Record| -> Result<LaidOn, Failure> {
         let tuned = of_file(&folder.run_of(&record.cell).join(TUNED))?;
-        let tuned = Parameters::start(&tuned, &hardware).map_err(Failure::usage)?;
+        let tuned = Parameters::start(&tuned, &device).map_err(Failure::usage)?;
         Ok(laid(&repeated(&tuned, record)?))
     };
     let first = repeated(&prepared.start, start)?;

@@ -59,7 +59,10 @@ fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
         ("data.train_pairs=0", &["data.train_pairs = 0"]),
         ("data.test_pairs=0", &["data.test_pairs = 0"]),
         ("scanner.columns=0", &["scanner.columns = 0"]),
-        ("scanner.pattern=os2", &["scanner.pattern = \"os2\" must be one of grid, raster, vlp-16"]),
+        (
+            "scanner.pattern=os2",
+            &["scanner.pattern = \"os2\" must be one of grid, raster, steered"],
+        ),
         ("scanner.pattern=os1-64", &["scanner.rows = 16 must be left out"]),
         ("scanner.height_m=0", &["scanner.height_m = 0"]),
         ("scene.towns=[]", &["scene.towns"]),

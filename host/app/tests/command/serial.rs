@@ -32,13 +32,13 @@ fn over_a_line_a_sensor_gives_the_echoes_it_gives_in_process() {
     );
     for (scene, number) in board.dataset.views().zip(1..).take(3) {
         let noise_seed = scan_noise(board.config.seed);
-        let view = View { scene, noise_seed, scan: number, viewpoint: number };
+        let view = View { scene: &scene, noise_seed, scan: number, viewpoint: number };
         let echoes = far.scan(&view).expect("a scan");
         assert_eq!(echoes, near.scan(&view).expect("a scan"), "viewpoint {number}");
         assert!(echoes.iter().flatten().count() > 300);
     }
     let nowhere = board.dataset.views().next().expect("a view");
-    let view = View { scene: nowhere, noise_seed: 0, scan: 1, viewpoint: 1_000 };
+    let view = View { scene: &nowhere, noise_seed: 0, scan: 1, viewpoint: 1_000 };
     assert_eq!(
         far.scan(&view).expect("a scan").iter().flatten().count(),
         0,

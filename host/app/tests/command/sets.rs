@@ -118,16 +118,17 @@ fn vehicles_drive_on_between_the_scans_of_a_pair_and_nothing_else_does() {
             interval_s,
         ];
         let overrides: Vec<_> = sets.iter().map(|set| set.parse().unwrap()).collect();
-        Dataset::build(&load(None, &overrides).unwrap(), &|_, _| ()).unwrap().train
+        Dataset::build(&load(None, &overrides).unwrap(), &|_, _| ()).unwrap()
     };
     let (still, moved) = (pairs("data.interval_s=0"), pairs("data.interval_s=2"));
     let (mut changed, mut of) = (0, 0);
-    for (a, b) in still.iter().zip(&moved) {
+    for (a, b) in still.train.iter().zip(&moved.train) {
         assert_eq!(a.world_from_sensor, b.world_from_sensor);
-        assert_eq!(a.first, b.first);
-        let differs = |beam: &usize| a.second.of(*beam) != b.second.of(*beam);
-        changed += (0..a.second.len()).filter(differs).count();
-        of += a.second.len();
+        assert_eq!(a.first.to(&still.beams), b.first.to(&moved.beams));
+        let [a, b] = [a.second.to(&still.beams), b.second.to(&moved.beams)];
+        let differs = |beam: &usize| a.of(*beam) != b.of(*beam);
+        changed += (0..a.len()).filter(differs).count();
+        of += a.len();
     }
     assert!(0 < changed && 10 * changed < of, "{changed} of {of} beams");
 }

@@ -8,7 +8,7 @@ pub mod list;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use echoloop_dsp::ScanPattern;
+use echoloop_dsp::{Refusal, ScanPattern, Settings};
 use nalgebra::Vector3;
 
 use list::{BeamList, ListedBeam};
@@ -50,6 +50,25 @@ impl Beams {
     /// As many beams with the directions of recorded scans, for each viewpoint from 1.
     pub(super) fn recorded(self, of_viewpoints: Vec<Arc<Vec<Vector3<f32>>>>) -> Self {
         Self { recorded: Some(of_viewpoints.into()), ..self }
+    }
+
+    /// Beams with the aim of these settings, of a pattern that is steered.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal`], as the sensor would answer.
+    pub fn aimed(&self, settings: &Settings) -> Result<Cow<'_, Self>, Refusal> {
+        match self.pattern.aimed(settings)? {
+            same if same == self.pattern => Ok(Cow::Borrowed(self)),
+            pattern => Ok(Cow::Owned(Self::new(pattern))),
+        }
+    }
+
+    /// Cell that each beam is steered to, column · 2¹⁶ + row, rising; none where no beam is
+    /// steered.
+    pub fn cells(&self) -> Vec<u32> {
+        let cell = |beam| self.pattern.cell(beam).map(|[column, row]| (column << 16) | row);
+        (0..self.pattern.beams()).map_while(cell).collect()
     }
 
     /// Pattern as the sensor has it.

@@ -11,8 +11,7 @@ section! {
     pub struct EmitterConfig in "emitter" {
         energy_limit_nj: f64, "nJ", Bounds::between(MIN_NJ, MAX_NJ),
             "Greatest energy of a pulse, power times width, nJ: the sensor refuses settings above \
-             it. It keeps a search from buying signal with power. A board on a serial line has a \
-             limit of its own.";
+             it. A board on a serial line has a limit of its own.";
     }
 }
 

@@ -176,7 +176,9 @@ fn other_defaults(
     let mut found: Vec<OtherDefault> = Vec::new();
     for (choice, values) in others {
         let default = values.get(key);
-        if default == usual || choice.starts_with(&format!("{key} =")) {
+        // A pattern without a key refuses it; the key's help says of which it is.
+        let is_without = default.is_none() && key.starts_with("scanner.");
+        if default == usual || is_without || choice.starts_with(&format!("{key} =")) {
             continue;
         }
         match found.iter_mut().find(|other| other.default.as_ref() == default) {
@@ -275,7 +277,7 @@ mod tests {
             assert_eq!(row.value, row.default, "{}", row.key);
             let Some(default) = row.default else { continue };
             let given = loaded(&[format!("{}={default}", row.key)]).unwrap();
-            let start = |config: &RunConfig| Parameters::start(config, &config.hardware()).unwrap();
+            let start = |config: &RunConfig| Parameters::start(config, &config.device()).unwrap();
             assert_eq!(start(&given), start(&usual), "{}", row.key);
             let without =
                 |config: RunConfig| RunConfig { registration: usual.registration, ..config };
@@ -315,7 +317,7 @@ mod tests {
                     beside(row.key, when).into_iter().map(str::to_owned).collect();
                 sets.push(format!("{}={}", row.key, text(number)));
                 let config = loaded(&sets)?;
-                let start = Parameters::start(&config, &config.hardware());
+                let start = Parameters::start(&config, &config.device());
                 start.map(drop).map_err(|error| error.to_string())
             };
             let ranges = match own {

@@ -7,8 +7,8 @@ use echoloop_parameters::{Bounds, Kind, Parameter};
 use super::registration::OWN_KEYS;
 use super::tune::WARM_STARTS;
 use super::{
-    DataConfig, DetectorConfig, EmitterConfig, FrontConfig, Motion, ScannerConfig, SceneConfig,
-    TuneConfig, Weights,
+    Budget, DataConfig, DetectorConfig, EmitterConfig, FrontConfig, Motion, ScannerConfig,
+    SceneConfig, TuneConfig, Weights,
 };
 
 const RUN: &[Parameter] = &[Parameter {
@@ -39,6 +39,7 @@ pub fn keys() -> impl Iterator<Item = &'static Parameter> {
         SceneConfig::KEYS,
         ScannerConfig::KEYS,
         EmitterConfig::KEYS,
+        Budget::KEYS,
         DetectorConfig::KEYS,
         DataConfig::KEYS,
         OWN_KEYS,

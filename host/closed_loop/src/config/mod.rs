@@ -20,13 +20,16 @@ mod weights;
 
 use std::path::PathBuf;
 
-use echoloop_dsp::Hardware;
+use echoloop_dsp::{Hardware, ScanPattern};
 use echoloop_files::one_line;
 use echoloop_frontend::{Receiver, Weather};
 use echoloop_parameters::Refused;
 use echoloop_sensors::boards::pc::hardware_for;
 use serde::{Deserialize, Serialize};
 
+pub use crate::budget::Budget;
+use crate::config::preset::LidarPreset;
+use crate::parameters::Device;
 pub use axes::{AxisChoice, OwnAxes};
 pub use data::DataConfig;
 pub use detector::DetectorConfig;
@@ -57,6 +60,8 @@ pub struct RunConfig {
     pub scanner: ScannerConfig,
     /// Limits of the laser.
     pub emitter: EmitterConfig,
+    /// What a scan may use.
+    pub budget: Budget,
     /// Program that finds the echoes.
     pub detector: DetectorConfig,
     /// Pairs of scans to register.
@@ -84,6 +89,7 @@ impl Default for RunConfig {
             scene: SceneConfig::default(),
             scanner: ScannerConfig::default(),
             emitter: EmitterConfig::default(),
+            budget: Budget::default(),
             detector: DetectorConfig::default(),
             data: DataConfig::default(),
             lidar: Lidar::default(),
@@ -127,6 +133,30 @@ impl RunConfig {
         Hardware { energy_limit_pj, ..hardware_for(&self.receiver) }
     }
 
+    /// Hardware and scan pattern of the sensor.
+    pub fn device(&self) -> Device {
+        let (hardware, pattern) = (self.hardware(), self.scanner.pattern());
+        Device { hardware, pattern, budget: self.budget }
+    }
+
+    /// Refuses the search of an aim that there is none of, or of pairs that have but one.
+    fn check_aim(&self) -> Result<(), Refused> {
+        let is_steered = matches!(self.scanner.pattern(), ScanPattern::Steered(_));
+        let refused = |problem: &str| {
+            let key = "tune.lidar";
+            Err(Refused { key, value: self.tune.lidar.name().into(), problem: problem.into() })
+        };
+        match self.tune.lidar {
+            LidarPreset::Aim if !is_steered => {
+                refused(": the scan pattern is not steered (scanner.pattern = steered)")
+            }
+            LidarPreset::Aim if !self.scene.stored.is_empty() => {
+                refused(": stored pairs have the beams of one aim")
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Checks every value that its own type does not.
     ///
     /// # Errors
@@ -145,8 +175,10 @@ impl RunConfig {
         self.scanner.check()?;
         self.scanner.check_times(self.motion.duration_s)?;
         self.emitter.check_keys()?;
+        self.budget.check_keys()?;
         self.data.check()?;
         self.tune.check()?;
+        self.check_aim()?;
         self.front.check_keys()?;
         self.scene.check()
     }

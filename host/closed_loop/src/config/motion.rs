@@ -1,5 +1,6 @@
 //! The `[motion]` section: a sensor that moves and shakes while it scans.
 
+use echoloop_dsp::ScanPattern;
 use echoloop_parameters::{Bounds, choice, section};
 use serde::{Deserialize, Serialize};
 
@@ -51,6 +52,14 @@ impl Default for Motion {
 }
 
 impl Motion {
+    /// Time of a scan, s: `duration_s`, or where that is not 0 the frame time of a steered sensor.
+    pub fn scan_s(&self, pattern: &ScanPattern) -> f64 {
+        match pattern {
+            ScanPattern::Steered(_) if self.duration_s > 0.0 => pattern.duration_s(),
+            _ => self.duration_s,
+        }
+    }
+
     /// True when every beam has the same pose.
     pub fn is_still(&self) -> bool {
         let steady = self.duration_s == 0.0

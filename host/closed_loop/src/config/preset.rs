@@ -62,20 +62,26 @@ choice! {
 choice! {
     /// Parameters of Θ_lidar that a search may change.
     pub enum LidarPreset by default Usual {
-        /// The paper's eight, and how the gain rises with range.
+        /// The paper's eight, how the gain rises with range, and the aim of a steered sensor.
         Usual = "usual",
         /// The eight that the paper names.
         Paper = "paper",
+        /// Where the light goes: the aim of a steered sensor, and shots a beam.
+        Aim = "aim",
         /// All of them.
         Full = "full",
     }
 }
 
 impl LidarPreset {
-    /// Its parameters.
-    pub fn parameters(self) -> Vec<ParameterId> {
+    /// Its parameters; only a steered sensor has an aim.
+    pub fn parameters(self, is_steered: bool) -> Vec<ParameterId> {
         match self {
-            Self::Usual => [&PAPER_LIDAR[..], &BESIDE_THE_PAPER_S].concat(),
+            Self::Usual => {
+                let aim: &[ParameterId] = if is_steered { &AIM } else { &[] };
+                [&PAPER_LIDAR[..], &BESIDE_THE_PAPER_S, aim].concat()
+            }
+            Self::Aim => AIM.to_vec(),
             Self::Paper => PAPER_LIDAR.to_vec(),
             Self::Full => PARAMETERS.iter().map(|p| p.id).collect(),
         }
@@ -86,7 +92,7 @@ impl LidarPreset {
     pub fn least_power_w(self, start_w: f64) -> f64 {
         let power = ParameterId::Power.parameter();
         match self {
-            Self::Usual => start_w.min(0.01),
+            Self::Usual | Self::Aim => start_w.min(0.01),
             Self::Paper => start_w.min(5.0),
             Self::Full => power.to_unit(power.min),
         }
@@ -106,6 +112,17 @@ pub const PAPER_LIDAR: [ParameterId; 8] = [
 ];
 
 /// Parameters tuned in addition, except with the paper's preset: a gain that rises with range
-/// keeps near echoes, which hold a registration, off the converter's limit. Shots are not among
-/// them: each costs a scan's time and light once more.
+/// keeps near echoes, which hold a registration, off the converter's limit.
 const BESIDE_THE_PAPER_S: [ParameterId; 2] = [ParameterId::GainSlope, ParameterId::GainRange];
+
+/// Parameters of where the light goes. Columns follow from the budget, and the time of a scan is as
+/// long as that has.
+const AIM: [ParameterId; 7] = [
+    ParameterId::Shots,
+    ParameterId::AzimuthSpan,
+    ParameterId::ElevationSpan,
+    ParameterId::Tilt,
+    ParameterId::Rows,
+    ParameterId::AzimuthFovea,
+    ParameterId::ElevationFovea,
+];

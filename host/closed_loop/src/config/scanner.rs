@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use echoloop_dsp::{Grid, Rosette, ScanPattern, Spinning, SpinningModel};
+use echoloop_dsp::{Aim, Grid, Rosette, ScanPattern, Spinning, SpinningModel, Steered};
 use echoloop_files::one_line;
 use echoloop_parameters::{Bounds, Refused, section};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -20,22 +20,22 @@ section! {
     #[serde(remote = "Self", expecting = "a table, [scanner]")]
     #[serde(deny_unknown_fields, default = "ScannerConfig::left_out")]
     pub struct ScannerConfig in "scanner" {
-        pattern: String, "", Bounds::Words("one of grid, raster, vlp-16, vlp-32c, vls-128, \
-             hdl-64e, os1-64, os1-128, livox-mid-40, or a table as FILE.csv"),
-            "Where the beams point: `grid`, `raster`, a sensor (`vlp-16`, `vlp-32c`, `vls-128`, \
-             `hdl-64e`, `os1-64`, `os1-128`, `livox-mid-40`), or a table: FILE.csv.";
+        pattern: String, "", Bounds::Words("one of grid, raster, steered, vlp-16, vlp-32c, \
+             vls-128, hdl-64e, os1-64, os1-128, livox-mid-40, or a table as FILE.csv"),
+            "Where the beams point: `grid`, `raster`, `steered`, a sensor (`vlp-16`, `vlp-32c`, \
+             `vls-128`, `hdl-64e`, `os1-64`, `os1-128`, `livox-mid-40`), or a table: FILE.csv.";
         #[serde(skip_serializing_if = "Option::is_none")]
         columns: Option<u16>, "beams", Bounds::between(1.0, MOST_BEAMS[0] as f64),
-            "Beams along azimuth: of a grid, a raster, a turn of a spinning sensor.";
+            "Beams along azimuth: of a grid, a raster, a steered sensor, a turn of a spinning one.";
         #[serde(skip_serializing_if = "Option::is_none")]
         rows: Option<u16>, "beams", Bounds::between(1.0, MOST_BEAMS[1] as f64),
-            "Beams along elevation, of a grid or a raster.";
+            "Beams along elevation, of a grid, a raster or a steered sensor.";
         #[serde(skip_serializing_if = "Option::is_none")]
         azimuth_deg: Option<f64>, "°", Bounds::between(0.01, 360.0),
-            "Full azimuth range of a grid or a raster, degrees.";
+            "Full azimuth range of a grid, a raster or a steered sensor, degrees.";
         #[serde(skip_serializing_if = "Option::is_none")]
         elevation_deg: Option<f64>, "°", Bounds::between(0.01, 180.0),
-            "Full elevation range of a grid or a raster, degrees.";
+            "Full elevation range of a grid, a raster or a steered sensor, degrees.";
         #[serde(skip_serializing_if = "Option::is_none")]
         beams: Option<u32>, "beams", Bounds::between(1.0, MOST_LISTED as f64),
             "Beams of a scan, of a rosette (`livox-mid-40`).";
@@ -84,15 +84,17 @@ impl PartialEq for Read {
 enum Kind {
     Grid,
     Raster,
+    Steered,
     Spinning(SpinningModel),
     Rosette,
     Table,
 }
 
 /// Names of the patterns that are no files.
-const NAMED: [(&str, Kind); 9] = [
+const NAMED: [(&str, Kind); 10] = [
     ("grid", Kind::Grid),
     ("raster", Kind::Raster),
+    ("steered", Kind::Steered),
     ("vlp-16", Kind::Spinning(SpinningModel::Vlp16)),
     ("vlp-32c", Kind::Spinning(SpinningModel::Vlp32c)),
     ("vls-128", Kind::Spinning(SpinningModel::Vls128)),
@@ -114,6 +116,7 @@ impl Kind {
     fn usual_columns(self) -> Option<u16> {
         match self {
             Self::Grid | Self::Raster => Some(192),
+            Self::Steered => Some(Steered::REFERENCE.aim.columns),
             Self::Spinning(SpinningModel::Vlp16 | SpinningModel::Vlp32c) => Some(1808),
             Self::Spinning(SpinningModel::Vls128) => Some(1876),
             Self::Spinning(SpinningModel::Hdl64e) => Some(2083),
@@ -146,14 +149,22 @@ impl ScannerConfig {
     /// Fills in the keys that the pattern has and that were left out.
     fn completed(self) -> Self {
         let kind = Kind::of(&self.pattern);
-        let is_grid = matches!(kind, Some(Kind::Grid | Kind::Raster));
-        let degrees = is_grid.then_some(180.0);
+        let aim = Steered::REFERENCE.aim;
+        let usual = match kind {
+            Some(Kind::Grid | Kind::Raster) => Some((64, [180.0; 2])),
+            Some(Kind::Steered) => {
+                let degrees = [aim.azimuth_cdeg, aim.elevation_cdeg].map(|c| f64::from(c) / 100.0);
+                Some((aim.rows, degrees))
+            }
+            _ => None,
+        };
+        let (rows, degrees) = usual.unzip();
         let beams = (kind == Some(Kind::Rosette)).then_some(Rosette::MID_40.beams);
         Self {
             columns: self.columns.or(kind.and_then(Kind::usual_columns)),
-            rows: self.rows.or(is_grid.then_some(64)),
-            azimuth_deg: self.azimuth_deg.or(degrees),
-            elevation_deg: self.elevation_deg.or(degrees),
+            rows: self.rows.or(rows),
+            azimuth_deg: self.azimuth_deg.or(degrees.map(|[azimuth, _]| azimuth)),
+            elevation_deg: self.elevation_deg.or(degrees.map(|[_, elevation]| elevation)),
             beams: self.beams.or(beams),
             ..self
         }
@@ -169,6 +180,7 @@ impl ScannerConfig {
         match Kind::of(&self.pattern) {
             Some(Kind::Grid) => ScanPattern::Grid(self.grid()),
             Some(Kind::Raster) => ScanPattern::Raster(self.grid()),
+            Some(Kind::Steered) => ScanPattern::Steered(self.steered()),
             Some(Kind::Spinning(model)) => {
                 ScanPattern::Spinning(Spinning { model, columns: self.columns.unwrap_or(0) })
             }
@@ -213,6 +225,14 @@ impl ScannerConfig {
         }
     }
 
+    /// Reference mount with an own aim of as many beams over as many degrees.
+    fn steered(&self) -> Steered {
+        let Grid { columns, rows, azimuth_cdeg, elevation_cdeg } = self.grid();
+        let own = Steered::REFERENCE;
+        let aim = Aim { columns, rows, azimuth_cdeg, elevation_cdeg, ..own.aim };
+        Steered { aim, ..own }
+    }
+
     /// Checks all but the table's times, which depend on the scan's duration.
     pub(super) fn check(&self) -> Result<(), Refused> {
         let Some(kind) = Kind::of(&self.pattern) else { return Err(self.unknown()) };
@@ -248,7 +268,7 @@ impl ScannerConfig {
 
     /// Refuses keys that the pattern does not have, and a pattern without a key that it needs.
     fn check_what_applies(&self, kind: Kind) -> Result<(), Refused> {
-        let grid = matches!(kind, Kind::Grid | Kind::Raster);
+        let grid = matches!(kind, Kind::Grid | Kind::Raster | Kind::Steered);
         let columns = grid || matches!(kind, Kind::Spinning(_));
         let given = [
             (self.columns.map(f64::from), columns),
@@ -294,6 +314,7 @@ mod tests {
         let expected = [
             ("grid", 12_288),
             ("raster", 12_288),
+            ("steered", 19_968),
             ("vlp-16", 28_928),
             ("vlp-32c", 57_856),
             ("vls-128", 240_128),
@@ -329,7 +350,7 @@ mod tests {
             ("pattern = \"livox-mid-40\"\nbeams = 0", "scanner.beams = 0 must be 1 to 131072"),
             ("pattern = \"raster\"\nrows = 0", "scanner.rows = 0 must be 1 to 1024"),
             ("azimuth_deg = nan", "scanner.azimuth_deg = NaN must be 0.01 to 360"),
-            ("pattern = \"os2\"", "scanner.pattern = \"os2\" must be one of grid, raster, vlp-16"),
+            ("pattern = \"os2\"", "scanner.pattern = \"os2\" must be one of grid, raster, steered"),
         ] {
             let fault = fault(text);
             assert!(fault.starts_with(said), "{text}: {fault}");

@@ -21,8 +21,8 @@ section! {
         protocol: Protocol, "", Protocol::BOUNDS,
             "What is tuned: nothing, the sensor, registration, or both.";
         lidar: LidarPreset, "", LidarPreset::BOUNDS,
-            "Which of the sensor's parameters are tuned: `usual`, ten, the `paper`'s eight, or \
-             `full`, all of them.";
+            "Which of the sensor's parameters are tuned: `usual`, ten and a steered sensor's aim, \
+             the `paper`'s eight, the `aim` alone, or `full`, all of them.";
         generations: u32, "generations", Bounds::between(1.0, 1e5),
             "Generations of the search.";
         #[serde(skip_serializing_if = "Option::is_none")]

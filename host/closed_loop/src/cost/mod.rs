@@ -43,17 +43,21 @@ pub struct ScanCost {
 pub struct Scanner {
     /// Hardware of the sensor.
     pub hardware: Hardware,
-    /// Number of beams of a scan.
-    pub beams: u32,
-    /// Duration of a scan by its pattern or motion, s; 0 where that is open.
+    /// Scan pattern, which the settings may aim.
+    pub pattern: ScanPattern,
+    /// Duration of a scan by its motion, s; 0 where that is open.
     pub duration_s: f64,
 }
 
 impl Scanner {
     /// Scanner whose scans take `duration_s`, or the pattern's own duration where that is longer.
     pub fn new(hardware: Hardware, pattern: &ScanPattern, duration_s: f64) -> Self {
-        let duration_s = pattern.duration_s().max(duration_s);
-        Self { hardware, beams: pattern.beams(), duration_s }
+        Self { hardware, pattern: *pattern, duration_s }
+    }
+
+    /// Pattern with the aim of these settings; as it is with settings that a sensor refuses.
+    fn aimed(&self, settings: &Settings) -> ScanPattern {
+        self.pattern.aimed(settings).unwrap_or(self.pattern)
     }
 
     /// Cost of a scan that found these echoes.
@@ -74,7 +78,7 @@ impl Scanner {
 
     /// Number of shots of a scan.
     fn shots(&self, settings: &Settings) -> f64 {
-        f64::from(settings.shots) * f64::from(self.beams)
+        f64::from(settings.shots) * f64::from(self.aimed(settings).beams())
     }
 
     /// Duration of a scan, s. A shot ends when light could be back from the end of the window. The
@@ -83,7 +87,8 @@ impl Scanner {
     fn seconds(&self, settings: &Settings) -> f64 {
         let range_max_m = f64::from(self.hardware.range_max_mm) / 1e3;
         let shot_s = 2.0 * range_max_m / SPEED_OF_LIGHT_M_S as f64;
-        (self.shots(settings) * shot_s).max(self.duration_s)
+        let duration_s = self.aimed(settings).duration_s().max(self.duration_s);
+        (self.shots(settings) * shot_s).max(duration_s)
     }
 
     /// Mean over the waveforms of a scan; NaN for settings that a sensor refuses.
@@ -130,7 +135,7 @@ mod tests {
     fn scan(echoes: usize, range_m: u32) -> Vec<Echoes> {
         let echo = Echo { range: range_m * 256_000, ..Default::default() };
         let beam = |i| (0..if i % 2 == 0 { echoes } else { 0 }).map(|_| echo).collect();
-        (0..scanner().beams).map(beam).collect()
+        (0..scanner().pattern.beams()).map(beam).collect()
     }
 
     #[test]

@@ -9,6 +9,7 @@ use echoloop_frontend::SceneResponse;
 use echoloop_sim::import::{Libraries, library_files};
 use serde::{Deserialize, Serialize};
 
+use crate::beams::Beams;
 use crate::checksum::{Checksum, Running};
 use crate::config::RunConfig;
 use crate::dataset::source::Source;
@@ -88,15 +89,16 @@ fn front_end(model: &Model) -> Checksum {
 fn scans(dataset: &Dataset) -> Checksum {
     let mut sum = Running::default();
     for pair in dataset.pairs() {
-        add_pair(&mut sum, pair);
+        add_pair(&mut sum, pair, &dataset.beams);
     }
     sum.end()
 }
 
-fn add_pair(sum: &mut Running, pair: &ScanPair) {
+/// Adds a pair. Of a steered sensor, the sensor's own aim stands for all.
+fn add_pair(sum: &mut Running, pair: &ScanPair, beams: &Beams) {
     to_rows(&pair.truth).iter().for_each(|number| sum.add(&number.to_bits().to_le_bytes()));
     pair.viewpoints.iter().for_each(|number| sum.add(&number.to_le_bytes()));
-    [&pair.first, &pair.second].into_iter().for_each(|scan| add_scan(sum, scan));
+    [&pair.first, &pair.second].into_iter().for_each(|scan| add_scan(sum, &scan.to(beams)));
 }
 
 fn add_scan(sum: &mut Running, scan: &SceneResponse) {

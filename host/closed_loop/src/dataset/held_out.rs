@@ -1,5 +1,7 @@
 //! One held-out pair, traced without the others: to show it.
 
+use std::sync::Arc;
+
 use echoloop_sim::viewpoint::Split;
 
 use super::{
@@ -36,7 +38,7 @@ impl Dataset {
         count: usize,
         [index, of_town]: [usize; 2],
     ) -> Result<Option<Self>, DatasetError> {
-        let (place, beams) = (place(config, town)?, config.scanner.beams());
+        let (place, beams) = (Arc::new(place(config, town)?), config.scanner.beams());
         let plan = pair_plan(config, Split::Test, count, town);
         let planned = poses(config, &place, &sight(&place, &beams), &plan, &|_, _| ())?;
         let numbers = viewpoints(config.data.train_pairs + index);
@@ -48,7 +50,7 @@ impl Dataset {
 
 #[cfg(test)]
 mod tests {
-    use super::super::configured;
+    use super::super::{ScanPair, configured};
     use super::*;
 
     #[test]
@@ -61,7 +63,8 @@ mod tests {
             let alone = Dataset::held_out(&config, index).unwrap().unwrap();
             let [found] = &alone.test[..] else { panic!("{} pairs", alone.test.len()) };
             assert_eq!((found.truth, found.viewpoints), (expected.truth, expected.viewpoints));
-            assert_eq!((&found.first, &found.second), (&expected.first, &expected.second));
+            let seen = |pair: &ScanPair| [&pair.first, &pair.second].map(|r| r.to(&all.beams));
+            assert_eq!(seen(found), seen(expected));
             assert_eq!(found.place, expected.place);
         }
         assert!(Dataset::held_out(&config, 4).unwrap().is_none());

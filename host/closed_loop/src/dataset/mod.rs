@@ -6,6 +6,7 @@ mod held_out;
 mod motion;
 mod pairs;
 mod recording;
+mod response;
 mod single_viewpoint;
 pub mod source;
 mod store;
@@ -14,17 +15,18 @@ pub mod survey;
 use std::path::Path;
 use std::sync::Arc;
 
+use echoloop_dsp::ScanPattern;
 use echoloop_frontend::SceneResponse;
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{self, BeamOptics};
-use echoloop_sim::scene::{Material, Scene};
+use echoloop_sim::scene::Scene;
 use echoloop_sim::viewpoint::{
     PairPlan, PosePair, Sight, Split, ViewpointError, sample_pairs_between,
 };
 use thiserror::Error;
 
 use crate::beams::Beams;
-use crate::config::RunConfig;
+use crate::config::{Motion, RunConfig};
 use crate::dataset::source::{Source, SourceError};
 use crate::seed::{Purpose, derive};
 use echoloop_clouds::pose::{Pose, relative};
@@ -32,6 +34,8 @@ pub use facts::{Facts, Overlaps, apart_m};
 use motion::Path as MotionPath;
 pub use pairs::{Dataset, ScanPair, viewpoints};
 pub use recording::RecordingError;
+use response::Raster;
+pub use response::Response;
 pub use single_viewpoint::single_viewpoint;
 pub use store::{StoreError, stored, stored_config};
 
@@ -121,7 +125,7 @@ impl Dataset {
         let RunConfig { data, .. } = config;
         let total = (data.train_pairs + data.test_pairs + check_pairs) as f64;
         for (index, &town) in towns.iter().enumerate() {
-            let place = place(config, town)?;
+            let place = Arc::new(place(config, town)?);
             dataset.triangles += place.scene.mesh.triangles.len();
             let sight = sight(&place, &dataset.beams);
             let at = (index, towns.len());
@@ -273,23 +277,28 @@ fn is_no_room(error: &DatasetError) -> bool {
 
 fn trace(
     config: &RunConfig,
-    place: &Place,
+    place: &Arc<Place>,
     planned: &PlannedPair,
     viewpoints: [u32; 2],
     beams: &Beams,
 ) -> ScanPair {
     let pair = &planned.poses;
-    let truth = relative(&pair.world_from_first, &pair.world_from_second);
-    let [first, later] = place.casters();
-    let look = |caster, pose, viewpoint| {
-        Arc::new(response(config, (caster, &place.scene.materials), pose, viewpoint, beams))
-    };
+    let world_from_sensor = [pair.world_from_first, pair.world_from_second];
+    let [first, second] = [0, 1].map(|i| {
+        let view = View::new(config, place, i > 0, &world_from_sensor[i], viewpoints[i]);
+        match beams.pattern() {
+            ScanPattern::Steered(steered) => {
+                Response::Steered(Arc::new(Raster::new(view, steered.raster)))
+            }
+            _ => Response::Fixed(Arc::new(view.response(beams))),
+        }
+    });
     ScanPair {
         place: place.scene.name.clone(),
-        truth,
-        world_from_sensor: [pair.world_from_first, pair.world_from_second],
-        first: look(first, &pair.world_from_first, viewpoints[0]),
-        second: look(later, &pair.world_from_second, viewpoints[1]),
+        truth: relative(&pair.world_from_first, &pair.world_from_second),
+        world_from_sensor,
+        first,
+        second,
         viewpoints,
         overlap: planned.overlap,
     }
@@ -299,40 +308,81 @@ fn trace(
 /// the middle of the scan.
 pub fn respond_at(
     config: &RunConfig,
-    place: &Place,
+    place: &Arc<Place>,
     world_from_sensor: &Pose,
     viewpoint: u32,
     beams: &Beams,
 ) -> SceneResponse {
-    let world = (&place.caster, &place.scene.materials[..]);
-    response(config, world, world_from_sensor, viewpoint, beams)
+    View::new(config, place, false, world_from_sensor, viewpoint).response(beams)
 }
 
-fn response(
-    config: &RunConfig,
-    (caster, materials): (&Raycaster, &[Material]),
-    world_from_sensor: &Pose,
+/// View of a scene from a viewpoint.
+struct View {
+    place: Arc<Place>,
+    /// True where what moves in the scene has moved on.
+    is_later: bool,
+    optics: BeamOptics,
+    motion: Motion,
+    /// Seed of the sensor's jitter.
+    seed: u64,
+    world_from_sensor: Pose,
     viewpoint: u32,
-    beams: &Beams,
-) -> SceneResponse {
-    let optics = BeamOptics {
-        divergence_mrad: config.receiver.divergence_mrad,
-        subrays: config.receiver.subrays,
-    };
-    let directions = beams.directions(viewpoint);
-    let directions: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
-    if config.motion.is_still() {
-        return scanner::scan(caster, materials, world_from_sensor, &directions, &optics);
+}
+
+impl View {
+    fn new(
+        config: &RunConfig,
+        place: &Arc<Place>,
+        is_later: bool,
+        world_from_sensor: &Pose,
+        viewpoint: u32,
+    ) -> Self {
+        Self {
+            place: Arc::clone(place),
+            is_later,
+            optics: BeamOptics {
+                divergence_mrad: config.receiver.divergence_mrad,
+                subrays: config.receiver.subrays,
+            },
+            motion: config.motion,
+            seed: derive(config.seed, Purpose::Motion, viewpoint.into()),
+            world_from_sensor: *world_from_sensor,
+            viewpoint,
+        }
     }
-    let seed = derive(config.seed, Purpose::Motion, viewpoint.into());
-    let path = MotionPath::new(&config.motion, beams, *world_from_sensor, seed);
-    scanner::scan_moving(
-        caster,
-        materials,
-        |beam| path.world_from_sensor(beam),
-        &directions,
-        &optics,
-    )
+
+    /// True when the sensor moves while it scans.
+    fn moves(&self) -> bool {
+        !self.motion.is_still()
+    }
+
+    /// Response to these beams.
+    fn response(&self, beams: &Beams) -> SceneResponse {
+        let directions = beams.directions(self.viewpoint);
+        let directions: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
+        let response = match self.moves() {
+            false => self.along(&directions),
+            true => {
+                let path = MotionPath::new(&self.motion, beams, self.world_from_sensor, self.seed);
+                let Place { scene, .. } = &*self.place;
+                let pose = |beam| path.world_from_sensor(beam);
+                let (caster, optics) = (self.caster(), &self.optics);
+                scanner::scan_moving(caster, &scene.materials, pose, &directions, optics)
+            }
+        };
+        SceneResponse { cells: beams.cells(), ..response }
+    }
+
+    /// Response to beams along unit vectors of the sensor's frame, from where it stands.
+    fn along(&self, directions: &[[f32; 3]]) -> SceneResponse {
+        let materials = &self.place.scene.materials;
+        let pose = &self.world_from_sensor;
+        scanner::scan(self.caster(), materials, pose, directions, &self.optics)
+    }
+
+    fn caster(&self) -> &Raycaster {
+        self.place.casters()[usize::from(self.is_later)]
+    }
 }
 
 /// Configuration with these values set.

@@ -37,7 +37,8 @@ impl<'a> Path<'a> {
 
     /// Pose at a beam.
     pub(super) fn world_from_sensor(&self, beam: usize) -> Pose {
-        let Motion { duration_s, linear_m_s, angular_deg_s, .. } = self.motion;
+        let Motion { linear_m_s, angular_deg_s, .. } = self.motion;
+        let duration_s = self.motion.scan_s(self.beams.pattern());
         let t = match duration_s {
             0.0 => 0.0,
             _ => (self.beams.fraction(beam, duration_s) - 0.5) * duration_s,

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use echoloop_clouds::Pose;
 use echoloop_frontend::SceneResponse;
+use echoloop_sensors::serve::Views;
 
+use super::response::Response;
 use crate::beams::Beams;
 
 /// Two scans of a place and their true motion.
@@ -17,9 +19,9 @@ pub struct ScanPair {
     /// Pose of the sensor, first and second; of a moving sensor, in the middle of each scan.
     pub world_from_sensor: [Pose; 2],
     /// Response of the first scan.
-    pub first: Arc<SceneResponse>,
+    pub first: Response,
     /// Response of the second scan.
-    pub second: Arc<SceneResponse>,
+    pub second: Response,
     /// Numbers of the two viewpoints ([`viewpoints`]), for a sensor turned by a turntable.
     pub viewpoints: [u32; 2],
     /// Overlap, 0 to 1: share of what either scan sees that the other sees, too
@@ -61,8 +63,25 @@ impl Dataset {
         self.train.iter().chain(&self.test).chain(&self.check)
     }
 
-    /// Responses of all viewpoints, in the order of their numbers.
-    pub fn views(&self) -> impl Iterator<Item = &Arc<SceneResponse>> {
+    /// Responses of all viewpoints to the sensor's own aim, in the order of their numbers.
+    pub fn views(&self) -> impl Iterator<Item = Arc<SceneResponse>> {
+        self.responses().map(|response| response.to(&self.beams))
+    }
+
+    /// True when the beams of its pairs are those of one aim, as of stored pairs.
+    pub fn has_one_aim(&self) -> bool {
+        self.responses().next().is_some_and(|response| matches!(response, Response::Fixed(_)))
+    }
+
+    fn responses(&self) -> impl Iterator<Item = &Response> {
         self.pairs().flat_map(|pair| [&pair.first, &pair.second])
+    }
+}
+
+/// Viewpoints to serve, whatever the aim.
+impl Views for Dataset {
+    fn view(&self, number: u32) -> Option<Arc<SceneResponse>> {
+        let index = (number as usize).checked_sub(1)?;
+        Some(self.responses().nth(index)?.to_all(&self.beams))
     }
 }

@@ -24,6 +24,7 @@ use nalgebra::{Point3, Vector3};
 use thiserror::Error;
 
 use super::pairs::{Dataset, ScanPair, viewpoints};
+use super::response::Response;
 use crate::beams::Beams;
 use crate::config::RunConfig;
 
@@ -64,8 +65,8 @@ pub(super) fn load(
             place: drive.name.clone(),
             truth: relative(&from_first, &from_second),
             world_from_sensor: [from_first, from_second],
-            first: Arc::clone(&drive.scans[first].response),
-            second: Arc::clone(&drive.scans[second].response),
+            first: Response::Fixed(Arc::clone(&drive.scans[first].response)),
+            second: Response::Fixed(Arc::clone(&drive.scans[second].response)),
             viewpoints: viewpoints(number),
             overlap: drive.overlap(first, second),
         }
@@ -218,7 +219,8 @@ impl Scan {
         }
         let mut directions: Vec<Vector3<f32>> = seen.iter().map(|s| s.direction.into()).collect();
         directions.resize(beams, Vector3::x());
-        let mut response = SceneResponse { beams: vec![0], returns: Vec::new() };
+        let mut response =
+            SceneResponse { beams: vec![0], returns: Vec::new(), ..SceneResponse::default() };
         for beam in 0..beams {
             response.returns.extend(seen.get(beam).and_then(|seen| seen.echo));
             response.beams.push(response.returns.len() as u32);
@@ -304,7 +306,7 @@ mod tests {
         let dataset = build(&config(folder.path(), 1, 2)).unwrap();
         let directions = dataset.beams.directions(1);
         assert_eq!(directions.len(), dataset.beams.pattern().beams() as usize);
-        let first = &dataset.train[0].first;
+        let first = dataset.train[0].first.to(&dataset.beams);
         assert_eq!((first.len(), first.returns.len()), (directions.len(), 40));
         let point = directions[5] * first.of(5)[0].range_m;
         assert!((point - Vector3::new(-14.7, 10.4, 0.5)).norm() < 1e-5, "{point}");

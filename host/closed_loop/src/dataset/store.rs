@@ -15,6 +15,7 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use echoloop_dsp::ParameterId;
 use echoloop_files::{one_line, read_data};
 use echoloop_frontend::{Return, SceneResponse};
 use flate2::Compression;
@@ -25,6 +26,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::pairs::{Dataset, ScanPair, viewpoints};
+use super::response::Response;
 use crate::beams::Beams;
 use crate::checksum::Checksum;
 use crate::config::{RunConfig, parse, written};
@@ -88,13 +90,15 @@ pub fn stored(config: &RunConfig, dataset: &Dataset) -> Result<Vec<u8>, String> 
     if matches!(Source::of(&config.scene.source), Source::Recording(_)) {
         return Err("recorded scans need no store: they are read as fast".into());
     }
+    // Of a steered sensor, the beams of one aim.
+    let beams = dataset.beams.aimed(&config.lidar.0).map_err(|refusal| refusal.to_string())?;
     let header = Header {
         config: written(config).map_err(|error| error.to_string())?,
         files: SceneFiles::of(config),
-        pattern: pattern(&dataset.beams),
+        pattern: pattern(&beams),
         triangles: dataset.triangles,
-        train: dataset.train.iter().map(Head::new).collect(),
-        test: dataset.test.iter().map(Head::new).collect(),
+        train: dataset.train.iter().map(|pair| Head::new(pair, &beams)).collect(),
+        test: dataset.test.iter().map(|pair| Head::new(pair, &beams)).collect(),
     };
     let header = serde_json::to_vec(&header).map_err(|error| error.to_string())?;
     let length = u32::try_from(header.len()).map_err(|_| "too many pairs for a file")?;
@@ -105,7 +109,7 @@ pub fn stored(config: &RunConfig, dataset: &Dataset) -> Result<Vec<u8>, String> 
     let mut body = ZlibEncoder::new(bytes, Compression::fast());
     let pairs = dataset.train.iter().chain(&dataset.test);
     let mut scans = pairs.flat_map(|pair| [&pair.first, &pair.second]);
-    let written = scans.try_for_each(|scan| write_scan(&mut body, scan));
+    let written = scans.try_for_each(|scan| write_scan(&mut body, &scan.to(&beams)));
     let done = written.and_then(|()| body.finish()).map_err(|error| error.to_string());
     let mut bytes = done?;
     bytes.extend(Checksum::of(&[&bytes]).to_le_bytes());
@@ -135,6 +139,8 @@ pub(super) fn load_stored(
     let (header, body) = open(&bytes).map_err(fail)?;
     let traced_with = parse(&header.config).map_err(|error| fail(one_line(&error)))?;
     same(&traced_with, config).map_err(fail)?;
+    let beams = beams.aimed(&config.lidar.0).map_err(|refusal| fail(refusal.to_string()))?;
+    let beams = beams.into_owned();
     if header.pattern != pattern(&beams) {
         return Err(fail("its beams are not those of scanner.pattern any more".into()));
     }
@@ -216,6 +222,9 @@ fn shaping(config: &RunConfig) -> RunConfig {
         ..usual.clone()
     };
     own.scene.stored = String::new();
+    for field in ParameterId::AIM {
+        own.lidar.0.set(field, config.lidar.0.get(field));
+    }
     own.data.success_translation_m = usual.data.success_translation_m;
     own.data.success_rotation_deg = usual.data.success_rotation_deg;
     own.receiver.divergence_mrad = config.receiver.divergence_mrad;
@@ -249,9 +258,11 @@ fn read_pairs(header: Header, body: &[u8], file: u64, beams: Beams) -> Result<Da
         return Err("says that it holds far more than its size".into());
     }
     let mut body = ZlibDecoder::new(body);
+    let cells = beams.cells();
     let mut pairs = |heads: Vec<Head>, first: usize| -> Result<Vec<ScanPair>, String> {
         let numbered = (first..).zip(heads);
-        numbered.map(|(number, head)| head.with(number, &mut body, of_beams as usize)).collect()
+        let size = (of_beams as usize, &cells[..]);
+        numbered.map(|(number, head)| head.with(number, &mut body, size)).collect()
     };
     let judged_from = header.train.len();
     let (train, test) = (pairs(header.train, 0)?, pairs(header.test, judged_from)?);
@@ -262,8 +273,8 @@ fn read_pairs(header: Header, body: &[u8], file: u64, beams: Beams) -> Result<Da
 }
 
 impl Head {
-    fn new(pair: &ScanPair) -> Self {
-        let returns = |scan: &SceneResponse| scan.returns.len() as u64;
+    fn new(pair: &ScanPair, beams: &Beams) -> Self {
+        let returns = |scan: &Response| scan.to(beams).returns.len() as u64;
         Self {
             place: pair.place.clone(),
             world_from_sensor: pair.world_from_sensor.map(Placed::from),
@@ -272,19 +283,28 @@ impl Head {
         }
     }
 
-    fn with(self, number: usize, body: &mut impl Read, beams: usize) -> Result<ScanPair, String> {
+    fn with(
+        self,
+        number: usize,
+        body: &mut impl Read,
+        (beams, cells): (usize, &[u32]),
+    ) -> Result<ScanPair, String> {
         if !(0.0..=1.0).contains(&self.overlap) || self.place.contains(char::is_control) {
             return Err("holds a pair that is none".into());
         }
         let [first, second] = self.returns.map(|returns| read_scan(body, beams, returns));
+        let steered = |scan| {
+            let cells = cells.to_vec();
+            Response::Fixed(Arc::new(SceneResponse { cells, ..scan }))
+        };
         let [from_first, from_second] = self.world_from_sensor.map(Placed::pose);
         let world_from_sensor = [from_first?, from_second?];
         Ok(ScanPair {
             place: self.place,
             truth: relative(&world_from_sensor[0], &world_from_sensor[1]),
             world_from_sensor,
-            first: Arc::new(first?),
-            second: Arc::new(second?),
+            first: steered(first?),
+            second: steered(second?),
             viewpoints: viewpoints(number),
             overlap: self.overlap,
         })
@@ -341,7 +361,7 @@ fn read_scan(body: &mut impl Read, beams: usize, returns: u64) -> Result<SceneRe
     let (ranges, strengths) = (take(4 * count)?, take(4 * count)?);
     let each = numbers(&ranges).zip(numbers(&strengths));
     let returns = each.map(|(range_m, strength_per_m2)| Return { range_m, strength_per_m2 });
-    let scan = SceneResponse { beams, returns: returns.collect() };
+    let scan = SceneResponse { beams, returns: returns.collect(), ..SceneResponse::default() };
     is_sound(&scan).then_some(scan).ok_or_else(|| "holds a return that is none".into())
 }
 
@@ -459,7 +479,8 @@ mod tests {
             changed[at..at + to.len()].copy_from_slice(to.as_bytes());
             load(&sealed(changed), &own)
         };
-        let count = format!("\"returns\":[{}", dataset.train[0].first.returns.len());
+        let count =
+            format!("\"returns\":[{}", dataset.train[0].first.to(&dataset.beams).returns.len());
         let more = count.replace("[1", "[9").replace("[2", "[8").replace("[3", "[7");
         assert_ne!(count, more);
         assert!(changed(&count, &more).unwrap_err().contains("returns"));

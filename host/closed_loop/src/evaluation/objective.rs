@@ -1,8 +1,11 @@
 //! The objective f_opt (Eq. 4): two scans through the sensor, a registration, an error.
 
+use std::borrow::Cow;
+
 use echoloop_dsp::{Echoes, Hardware, Settings};
 use serde::{Deserialize, Serialize};
 
+use crate::beams::Beams;
 use crate::config::TuneConfig;
 use crate::config::preset::ErrorMean;
 use crate::cost::Scanner;
@@ -12,6 +15,7 @@ use crate::parameters::{Parameters, ThetaReg};
 use echoloop_clouds::Cloud;
 use echoloop_clouds::pose::{Pose, frobenius_error, rotation_error_deg, translation_error_m};
 use echoloop_registration::{Outcome, StopReason};
+use echoloop_sensors::client::ClientError;
 use echoloop_sensors::sensor::{SensorError, Sensors, View};
 
 /// Error of one registered pair.
@@ -107,8 +111,10 @@ impl Bench<'_> {
         pair: &ScanPair,
         noise_seed: u64,
     ) -> Result<Scanned, SensorError> {
-        let scans = self.echoes(settings, pair, noise_seed)?;
-        let clouds = [0, 1].map(|i| self.cloud(&scans[i], pair.viewpoints[i]));
+        let beams = self.beams(settings)?;
+        let scans = self.seen(settings, &beams, pair, noise_seed)?;
+        let directions = |i: usize| beams.directions(pair.viewpoints[i]);
+        let clouds = [0, 1].map(|i| cloud_from_scan(&scans[i], &directions(i)));
         Ok(Scanned { scans, clouds, pair: index, truth: pair.truth })
     }
 
@@ -120,29 +126,47 @@ impl Bench<'_> {
         pair: &ScanPair,
         noise_seed: u64,
     ) -> Result<[Vec<Echoes>; 2], SensorError> {
+        let beams = self.beams(settings)?;
+        self.seen(settings, &beams, pair, noise_seed)
+    }
+
+    fn seen(
+        &self,
+        settings: &Settings,
+        beams: &Beams,
+        pair: &ScanPair,
+        noise_seed: u64,
+    ) -> Result<[Vec<Echoes>; 2], SensorError> {
         let [first, second] = pair.viewpoints;
+        let scenes = [&pair.first, &pair.second].map(|response| response.to(beams));
         self.sensors.with(|sensor| {
             sensor.configure(settings)?;
             Ok([
-                sensor.scan(&View { scene: &pair.first, noise_seed, scan: 1, viewpoint: first })?,
-                sensor.scan(&View {
-                    scene: &pair.second,
-                    noise_seed,
-                    scan: 2,
-                    viewpoint: second,
-                })?,
+                sensor.scan(&View { scene: &scenes[0], noise_seed, scan: 1, viewpoint: first })?,
+                sensor.scan(&View { scene: &scenes[1], noise_seed, scan: 2, viewpoint: second })?,
             ])
         })
+    }
+
+    /// Beams with the aim of these settings.
+    ///
+    /// # Errors
+    ///
+    /// [`SensorError`] of an aim that the scan pattern cannot have, or stored pairs do not.
+    pub fn beams(&self, settings: &Settings) -> Result<Cow<'_, Beams>, SensorError> {
+        let refused =
+            |refusal| SensorError::client(self.sensors.name())(ClientError::Refused(refusal));
+        match self.dataset.beams.aimed(settings).map_err(refused)? {
+            Cow::Owned(_) if self.dataset.has_one_aim() => {
+                Err(SensorError::open("scene.stored", "its pairs have the beams of another aim"))
+            }
+            beams => Ok(beams),
+        }
     }
 
     /// Cost model of a scan, from the hardware, the scan pattern and the duration of a scan, s.
     pub fn scanner(&self, hardware: Hardware, duration_s: f64) -> Scanner {
         Scanner::new(hardware, self.dataset.beams.pattern(), duration_s)
-    }
-
-    /// Points of the scan of a viewpoint, sensor frame.
-    pub fn cloud(&self, scan: &[Echoes], viewpoint: u32) -> Cloud {
-        cloud_from_scan(scan, &self.dataset.beams.directions(viewpoint))
     }
 }
 

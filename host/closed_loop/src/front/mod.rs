@@ -376,11 +376,11 @@ fn thinned(mut front: Vec<&Finalist>, most: usize) -> Vec<&Finalist> {
 mod tests {
     use super::*;
     use crate::config::RunConfig;
-    use echoloop_dsp::Hardware;
+    use crate::parameters::Device;
 
     #[test]
     fn a_front_has_no_dominated_point_and_loses_the_most_crowded_first() {
-        let start = Parameters::start(&RunConfig::default(), &Hardware::REFERENCE).unwrap();
+        let start = Parameters::start(&RunConfig::default(), &Device::REFERENCE).unwrap();
         let finalist = |values| Finalist { parameters: start, values };
         let all: Vec<Finalist> = [
             [1.0, 9.0],
@@ -403,9 +403,9 @@ mod tests {
     #[test]
     fn a_candidate_is_recognised_by_its_parameters_alone() {
         let config = RunConfig::default();
-        let start = Parameters::start(&config, &Hardware::REFERENCE).unwrap();
+        let start = Parameters::start(&config, &Device::REFERENCE).unwrap();
         let (tune, preset) = (&config.tune, config.registration.preset);
-        let space = Space::new(tune.protocol, tune.lidar, preset, start, Hardware::REFERENCE);
+        let space = Space::new(tune.protocol, tune.lidar, preset, start, Device::REFERENCE);
         let axis = |name: &str| space.axes().iter().position(|axis| axis.name == name).unwrap();
         let at = |name: &str, change: f64| {
             let mut point = space.start_point();

@@ -5,9 +5,10 @@ use echoloop_parameters::Scale;
 use echoloop_registration::{Method, setting};
 
 use super::axis::Axis;
+use super::device::Device;
 use super::error::ValueError;
 use super::ranges::free_setting;
-use super::table::{lidar_axis, tunable};
+use super::table::{device_axis, tunable};
 use super::{Parameters, Space, choices, theta_reg};
 use crate::config::preset::{LidarPreset, Preset};
 use crate::config::{AxisChoice, OwnAxes};
@@ -32,12 +33,16 @@ impl Space {
     fn choose(&mut self, name: &str, choice: AxisChoice) -> Result<(), String> {
         let method = self.start.registration.method.method();
         let usual = self.axes.iter().find(|axis| axis.name == name).copied();
-        let usual = usual.or_else(|| usual_axis(name, &self.start, method));
-        let no_setting = || format!("it is no setting of {}", method.name());
+        let usual = usual.or_else(|| usual_axis(name, &self.start, method, &self.device));
+        let no_setting = || match name.starts_with("lidar.") {
+            true => "the scan pattern is not steered".to_owned(),
+            false => format!("it is no setting of {}", method.name()),
+        };
         let axis = match choice {
             AxisChoice::Fixed => {
                 usual.ok_or_else(no_setting)?;
                 self.axes.retain(|axis| axis.name != name);
+                self.columns_are_fixed |= name == "lidar.columns";
                 return Ok(());
             }
             AxisChoice::Free => match usual.ok_or_else(no_setting)? {
@@ -59,9 +64,9 @@ impl Space {
 }
 
 /// Usual axis of a parameter, searched or not; without a range where none is usual.
-fn usual_axis(name: &str, start: &Parameters, method: Method) -> Option<Axis> {
+fn usual_axis(name: &str, start: &Parameters, method: Method, device: &Device) -> Option<Axis> {
     if let Some(id) = name.strip_prefix("lidar.").and_then(ParameterId::by_name) {
-        return Some(lidar_axis(id, LidarPreset::Usual, &start.settings));
+        return device_axis(id, LidarPreset::Usual, &start.settings, device);
     }
     let axes = theta_reg::axes(method, Preset::Outdoor);
     axes.into_iter().find(|axis| axis.name == name).or_else(|| free_setting(name, method))
@@ -144,6 +149,8 @@ fn started(axis: Axis, start: &Parameters) -> Result<Axis, String> {
 mod tests {
     use echoloop_dsp::Hardware;
 
+    use crate::parameters::Device;
+
     use super::*;
     use crate::config::RunConfig;
     use crate::config::preset::{LidarPreset, Protocol};
@@ -154,10 +161,10 @@ mod tests {
 
     fn space(axes: &str, more: &str) -> Result<Space, String> {
         let config = config(axes, more);
-        let start = Parameters::start(&config, &Hardware::REFERENCE).map_err(|e| e.to_string())?;
+        let start = Parameters::start(&config, &Device::REFERENCE).map_err(|e| e.to_string())?;
         let preset = config.registration.preset;
-        let hardware = Hardware::REFERENCE;
-        let space = Space::new(Protocol::Joint, LidarPreset::Paper, preset, start, hardware);
+        let device = Device::REFERENCE;
+        let space = Space::new(Protocol::Joint, LidarPreset::Paper, preset, start, device);
         space.with_own(&config.tune.axes).map_err(|error| error.to_string())
     }
 

@@ -1,6 +1,8 @@
 //! Refusals of a set of parameters.
 
 use echoloop_parameters::Refused;
+
+use crate::budget::Exceeded;
 use echoloop_registration::ConfigError;
 
 /// A refused set of parameters.
@@ -37,4 +39,7 @@ pub enum ValueError {
     /// The rules of the sensor.
     #[error("lidar.{0}")]
     Sensor(#[from] echoloop_dsp::Refusal),
+    /// More than the budget has.
+    #[error("budget: {0}")]
+    Budget(Exceeded),
 }

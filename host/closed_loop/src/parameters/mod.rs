@@ -3,9 +3,11 @@
 //! The optimiser sees the cube, the code sees metres, the sensor sees codes. Only this module
 //! converts.
 
+mod aim;
 mod axis;
 mod candidate;
 mod custom_axes;
+mod device;
 mod error;
 mod ranges;
 mod repair;
@@ -16,7 +18,7 @@ mod written;
 use std::collections::BTreeMap;
 
 use echoloop_cmaes::Coordinate;
-use echoloop_dsp::{Hardware, PARAMETERS, ParameterId, Settings};
+use echoloop_dsp::{PARAMETERS, ParameterId, Settings};
 use echoloop_files::one_line;
 use echoloop_parameters::Refused;
 
@@ -26,6 +28,7 @@ use crate::cost::CostKind;
 
 pub use axis::Axis;
 pub use candidate::{candidate_values, read_candidate};
+pub use device::Device;
 pub use echoloop_parameters::Scale;
 pub use error::ValueError;
 pub use ranges::Ranges;
@@ -34,7 +37,7 @@ pub use table::{Row, choices, parameter_json, parameter_table, table, tunable, t
 pub use theta_reg::{ThetaReg, axes};
 pub use written::{values_json, written, written_values};
 
-use table::{is_whole, lidar_axis, lidar_name};
+use table::{device_axis, is_whole, lidar_axis, lidar_name};
 
 /// One whole set of parameters, sensor and registration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,11 +79,12 @@ impl Parameters {
     ///
     /// [`ValueError`] of the first registration parameter outside the preset's range, or of the
     /// joint constraints.
-    pub fn start(config: &RunConfig, hardware: &Hardware) -> Result<Self, ValueError> {
+    pub fn start(config: &RunConfig, device: &Device) -> Result<Self, ValueError> {
         let ranges = Ranges::from(config).of_registration(config.registration.method);
         let registration = ThetaReg::start(&config.registration, &ranges)?;
-        let parameters = Self { settings: config.lidar.0, registration };
-        parameters.settings.check(hardware)?;
+        let settings = device.with_own_aim(config.lidar.0);
+        let parameters = Self { settings, registration };
+        device.check(&parameters.settings)?;
         Ok(parameters)
     }
 
@@ -140,7 +144,7 @@ impl Parameters {
         mut self,
         values: &Values,
         ranges: impl Into<Ranges<'a>>,
-        hardware: &Hardware,
+        device: &Device,
     ) -> Result<Self, ValueError> {
         let ranges = ranges.into();
         let axes = self.registration_axes(ranges);
@@ -151,7 +155,7 @@ impl Parameters {
             }
             self.set(name, value);
         }
-        self.settings.check(hardware)?;
+        device.check(&self.settings)?;
         self.registration.check()?;
         Ok(self)
     }
@@ -186,7 +190,9 @@ fn recognised(values: &Values, registration: &[Axis]) -> Result<Values, ValueErr
 pub struct Space {
     axes: Vec<Axis>,
     start: Parameters,
-    hardware: Hardware,
+    device: Device,
+    /// True when the user fixed the columns.
+    columns_are_fixed: bool,
 }
 
 impl Space {
@@ -196,17 +202,17 @@ impl Space {
         lidar: LidarPreset,
         preset: Preset,
         start: Parameters,
-        hardware: Hardware,
+        device: Device,
     ) -> Self {
         let mut axes = Vec::new();
         if matches!(protocol, Protocol::Lidar | Protocol::Joint) {
-            let axis = |id| lidar_axis(id, lidar, &start.settings);
-            axes.extend(lidar.parameters().into_iter().map(axis));
+            let axis = |id| device_axis(id, lidar, &start.settings, &device);
+            axes.extend(lidar.parameters(device.steered().is_some()).into_iter().filter_map(axis));
         }
         if matches!(protocol, Protocol::Registration | Protocol::Joint) {
             axes.extend(start.registration_axes(preset));
         }
-        Self { axes, start, hardware }
+        Self { axes, start, device, columns_are_fixed: false }
     }
 
     /// True when a cost depends on a searched parameter.
@@ -215,6 +221,15 @@ impl Space {
             [] => !self.lidar_axes().is_empty(),
             some => self.axes.iter().any(|axis| some.contains(&axis.name)),
         }
+    }
+
+    /// The same space without the aim: stored pairs have the beams of one.
+    pub fn with_one_aim(mut self) -> Self {
+        let is_of_aim =
+            |axis: &Axis| ParameterId::AIM.iter().any(|id| axis.name == lidar_name(*id));
+        self.axes.retain(|axis| !is_of_aim(axis));
+        self.columns_are_fixed = true;
+        self
     }
 
     /// The same space with another range of the power.
@@ -311,6 +326,14 @@ impl Space {
         }
     }
 
+    /// True when columns are as many as the budget has: where the light is aimed and the columns
+    /// are not searched themselves.
+    fn fills_columns(&self) -> bool {
+        let of_aim = ParameterId::AIM.into_iter().chain([ParameterId::Shots]);
+        let has = |id| self.axes.iter().any(|axis| axis.name == lidar_name(id));
+        of_aim.into_iter().any(has) && !has(ParameterId::Columns) && !self.columns_are_fixed
+    }
+
     /// A point of the cube as parameters that every constraint accepts, and the names of those that
     /// had to be repaired.
     pub fn parameters(&self, point: &[f64]) -> (Parameters, Vec<&'static str>) {
@@ -318,7 +341,8 @@ impl Space {
         for (axis, &coordinate) in self.axes.iter().zip(point) {
             parameters.set(axis.name, axis.from_cube(coordinate));
         }
-        let mut repaired = repair(&mut parameters.settings, &self.hardware, &self.limits());
+        let settings = &mut parameters.settings;
+        let mut repaired = repair(settings, &self.device, &self.limits(), self.fills_columns());
         repaired.extend(parameters.registration.repair());
         (parameters, repaired)
     }
@@ -327,7 +351,7 @@ impl Space {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use echoloop_dsp::Kind;
+    use echoloop_dsp::{Hardware, Kind, ScanPattern, Steered};
     use echoloop_registration::Method;
 
     fn space(protocol: Protocol) -> Space {
@@ -341,8 +365,8 @@ mod tests {
     fn space_in(preset: Preset, method: Method, protocol: Protocol) -> Space {
         let mut config = RunConfig::default();
         (config.registration.method, config.registration.preset) = (method, preset);
-        let start = Parameters::start(&config, &Hardware::REFERENCE).unwrap();
-        Space::new(protocol, LidarPreset::Paper, preset, start, Hardware::REFERENCE)
+        let start = Parameters::start(&config, &Device::REFERENCE).unwrap();
+        Space::new(protocol, LidarPreset::Paper, preset, start, Device::REFERENCE)
     }
 
     #[test]
@@ -358,8 +382,8 @@ mod tests {
     fn a_warm_start_is_brought_within_bounds_and_constraints_and_moves_nothing_else() {
         let config = RunConfig::default();
         let preset = config.registration.preset;
-        let start = Parameters::start(&config, &Hardware::REFERENCE).unwrap();
-        let new = |protocol, lidar| Space::new(protocol, lidar, preset, start, Hardware::REFERENCE);
+        let start = Parameters::start(&config, &Device::REFERENCE).unwrap();
+        let new = |protocol, lidar| Space::new(protocol, lidar, preset, start, Device::REFERENCE);
         let joint = new(Protocol::Joint, LidarPreset::Full);
         let at = |space: &Space, values: &[(&str, f64)]| {
             let values = values.iter().map(|&(name, value)| (name.to_owned(), value)).collect();
@@ -386,20 +410,20 @@ mod tests {
 
     #[test]
     fn the_full_preset_opens_the_whole_table_and_starts_where_it_should() {
-        let start = Parameters::start(&RunConfig::default(), &Hardware::REFERENCE).unwrap();
-        let space = Space::new(
-            Protocol::Lidar,
-            LidarPreset::Full,
-            Preset::Outdoor,
-            start,
-            Hardware::REFERENCE,
-        );
-        assert_eq!(space.axes().len(), PARAMETERS.len());
-        let (parameters, repaired) = space.parameters(&space.start_point());
-        assert!(repaired.is_empty());
-        // 1.14 · cW/2 of 5 ns, which the start leaves to follow the pulse.
-        let expected = Settings { min_separation_mm: Some(854), ..start.settings };
-        assert_eq!(parameters.settings, expected);
+        let steered = ScanPattern::Steered(Steered::REFERENCE);
+        let aimless = PARAMETERS.len() - ParameterId::AIM.len();
+        for (pattern, axes) in [(Device::REFERENCE.pattern, aimless), (steered, PARAMETERS.len())] {
+            let device = Device { pattern, ..Device::REFERENCE };
+            let start = Parameters::start(&RunConfig::default(), &device).unwrap();
+            let preset = Preset::Outdoor;
+            let space = Space::new(Protocol::Lidar, LidarPreset::Full, preset, start, device);
+            assert_eq!(space.axes().len(), axes);
+            let (parameters, repaired) = space.parameters(&space.start_point());
+            assert!(repaired.is_empty());
+            // 1.14 · cW/2 of 5 ns, which the start leaves to follow the pulse.
+            let expected = Settings { min_separation_mm: Some(854), ..start.settings };
+            assert_eq!(parameters.settings, expected);
+        }
     }
 
     #[test]
@@ -407,8 +431,8 @@ mod tests {
         let powers = |lidar, power: Option<LidarPreset>, start_uw| {
             let mut start = space(Protocol::Lidar).start;
             start.settings.power_uw = start_uw;
-            let hardware = Hardware::REFERENCE;
-            let space = Space::new(Protocol::Lidar, lidar, Preset::Outdoor, start, hardware);
+            let device = Device::REFERENCE;
+            let space = Space::new(Protocol::Lidar, lidar, Preset::Outdoor, start, device);
             let space = power.map_or(space.clone(), |power| space.with_power(power));
             let least = space.parameters(&vec![0.0; space.axes().len()]).0;
             let (axis, least) = (space.axes()[0], least.get("lidar.power").unwrap());
@@ -428,9 +452,8 @@ mod tests {
     #[test]
     fn the_optimiser_is_told_which_axes_have_names() {
         let start = space(Protocol::Lidar).start;
-        let hardware = Hardware::REFERENCE;
-        let space =
-            Space::new(Protocol::Joint, LidarPreset::Full, Preset::Outdoor, start, hardware);
+        let device = Device::REFERENCE;
+        let space = Space::new(Protocol::Joint, LidarPreset::Full, Preset::Outdoor, start, device);
         let told = |name: &str| {
             let axis = space.axes().iter().position(|axis| axis.name == name);
             space.coordinate(axis.unwrap())
@@ -499,7 +522,7 @@ mod tests {
         let with = |name: &str, value: f64| {
             let values = Values::from([(name.to_owned(), value)]);
             start
-                .with_values(&values, Preset::Outdoor, &Hardware::REFERENCE)
+                .with_values(&values, Preset::Outdoor, &Device::REFERENCE)
                 .map_err(|e| e.to_string())
         };
         assert_eq!(with("lidar.power", 20.0).unwrap().settings.power_uw, 20_000_000);
@@ -532,7 +555,7 @@ mod tests {
         }
         let mac = space_of(Method::Mac, Protocol::Joint).start;
         let former = Values::from([("registration.max_stretch_m".to_owned(), 0.3)]);
-        let mac = mac.with_values(&former, Preset::Outdoor, &Hardware::REFERENCE).unwrap();
+        let mac = mac.with_values(&former, Preset::Outdoor, &Device::REFERENCE).unwrap();
         assert_eq!(mac.get("registration.length_tolerance_m"), Some(0.3));
     }
 }

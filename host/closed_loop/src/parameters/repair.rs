@@ -3,6 +3,9 @@
 
 use echoloop_dsp::{Hardware, ParameterId, Settings};
 
+use super::Device;
+use super::aim::repair_aim;
+
 /// Limits of a repair where there is a choice: codes, both ends included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
@@ -26,10 +29,16 @@ impl Limits {
 ///
 /// Too few samples a pulse: the pulse is widened up to its limit; beyond it, bins are added. Too
 /// much energy: the power is lowered to its limit, then the pulse shortened; where neither is
-/// enough, the power is lowered beyond its limit. A gain that rises beyond the middle of the
+/// enough, the power is lowered beyond its limit. The budget's light and eye safety count as
+/// energy. An aim: see [`repair_aim`]. A gain that rises beyond the middle of the
 /// window: it rises up to there, or nowhere. (S > N holds by the ranges.)
-pub fn repair(settings: &mut Settings, hardware: &Hardware, limits: &Limits) -> Vec<&'static str> {
-    let mut repaired = Vec::new();
+pub fn repair(
+    settings: &mut Settings,
+    device: &Device,
+    limits: &Limits,
+    fills_columns: bool,
+) -> Vec<&'static str> {
+    let (mut repaired, hardware) = (Vec::new(), &device.hardware);
     if hardware.shortest_pulse_ps(settings.bins) > limits.pulse_ps[1] {
         settings.bins = bins_for(limits.pulse_ps[1], settings.bins, hardware);
         repaired.push(ParameterId::WaveformResolution.parameter().name);
@@ -39,6 +48,9 @@ pub fn repair(settings: &mut Settings, hardware: &Hardware, limits: &Limits) -> 
         settings.pulse_width_ps = shortest_ps;
         repaired.push(ParameterId::PulseWidth.parameter().name);
     }
+    repaired.extend(repair_aim(settings, device, fills_columns));
+    let energy_limit_pj = device.budget.pulse_limit_pj(hardware, &device.aimed(settings), settings);
+    let hardware = &Hardware { energy_limit_pj, ..*hardware };
     let strongest_uw = hardware.strongest_power_uw(settings.pulse_width_ps);
     if settings.power_uw > strongest_uw {
         let shortest_ps = shortest_ps.max(limits.pulse_ps[0]);
@@ -95,8 +107,12 @@ fn weaken(
 mod tests {
     use super::*;
 
+    fn device(hardware: &Hardware) -> Device {
+        Device { hardware: *hardware, ..Device::REFERENCE }
+    }
+
     fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str> {
-        super::repair(settings, hardware, &Limits::of_sensor())
+        super::repair(settings, &device(hardware), &Limits::of_sensor(), false)
     }
 
     #[test]
@@ -105,7 +121,7 @@ mod tests {
         let with = |least_power_uw, shortest_pulse_ps| {
             let (mut settings, hardware) = (wide, Hardware::REFERENCE);
             let limits = Limits { least_power_uw, pulse_ps: [shortest_pulse_ps, 20_000] };
-            let repaired = super::repair(&mut settings, &hardware, &limits);
+            let repaired = super::repair(&mut settings, &device(&hardware), &limits, false);
             settings.check(&hardware).unwrap();
             (repaired, settings.power_uw, settings.pulse_width_ps)
         };
@@ -124,7 +140,7 @@ mod tests {
         let hardware = Hardware::REFERENCE;
         let mut settings = Settings { bins: 200, pulse_width_ps: 5_000, ..Settings::default() };
         let limits = Limits { pulse_ps: [5_000, 5_000], ..Limits::of_sensor() };
-        let repaired = super::repair(&mut settings, &hardware, &limits);
+        let repaired = super::repair(&mut settings, &device(&hardware), &limits, false);
         assert_eq!((repaired, settings.pulse_width_ps), (vec!["waveform_resolution"], 5_000));
         settings.check(&hardware).unwrap();
         assert!(Settings { bins: settings.bins - 1, ..settings }.check(&hardware).is_err());

@@ -6,11 +6,13 @@
 
 use std::sync::LazyLock;
 
-use echoloop_dsp::{Kind as LidarKind, PARAMETERS, ParameterId, Settings};
+use echoloop_dsp::{Kind as LidarKind, PARAMETERS, ParameterId, Settings, Steered};
 use echoloop_parameters::{Bounds, Kind, Parameter, Range, Scale, Step};
 use echoloop_registration::{Method, SETTINGS, Setting, setting};
 
+use super::aim::aim_axis;
 use super::axis::Axis;
+use super::device::Device;
 use super::ranges::Ranges;
 use super::theta_reg::{SECTION, axes};
 use super::written::written;
@@ -176,8 +178,25 @@ pub(super) fn lidar_name(id: ParameterId) -> &'static str {
     TUNABLE[id as usize].key
 }
 
-/// An axis of Θ_lidar; that of power as far as a search may go.
+/// An axis of Θ_lidar of a sensor; none of the aim where nothing is steered.
+pub(super) fn device_axis(
+    id: ParameterId,
+    power: LidarPreset,
+    start: &Settings,
+    device: &Device,
+) -> Option<Axis> {
+    match ParameterId::AIM.contains(&id) {
+        true => device.steered().map(|mount| aim_axis(id, mount)),
+        false => Some(lidar_axis(id, power, start)),
+    }
+}
+
+/// An axis of Θ_lidar, of the reference mount where it is of the aim; that of power as far as a
+/// search may go.
 pub(super) fn lidar_axis(id: ParameterId, power: LidarPreset, start: &Settings) -> Axis {
+    if ParameterId::AIM.contains(&id) {
+        return aim_axis(id, &Steered::REFERENCE);
+    }
     let p = id.parameter();
     let scale = match p.kind {
         LidarKind::Real { log: true } => Scale::Log,

@@ -59,9 +59,9 @@ struct Earlier {
 pub fn tuned_config(run: &Path) -> Result<RunConfig, TunedRunError> {
     let config = load(Some(&run.join(CONFIG)), &[])?;
     let values = tuned_values(run)?;
-    let hardware = config.hardware();
-    let start = Parameters::start(&config, &hardware)?;
-    let tuned = start.with_values(&values, &config, &hardware).map_err(|e| malformed(run, &e))?;
+    let device = config.device();
+    let start = Parameters::start(&config, &device)?;
+    let tuned = start.with_values(&values, &config, &device).map_err(|e| malformed(run, &e))?;
     Ok(tuned.as_start_of(&config))
 }
 

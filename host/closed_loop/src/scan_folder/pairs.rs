@@ -48,8 +48,10 @@ fn scan_pair<'a>(
     pair: &'a ScanPair,
     noise_seed: u64,
 ) -> Result<ScannedPair<'a>, ScanError> {
-    let scans = prepared.bench().echoes(&prepared.start.settings, pair, noise_seed)?;
-    let (beams, duration_s) = (&prepared.dataset.beams, prepared.config.motion.duration_s);
+    let (bench, settings) = (prepared.bench(), &prepared.start.settings);
+    let scans = bench.echoes(settings, pair, noise_seed)?;
+    let beams = &*bench.beams(settings)?;
+    let duration_s = prepared.config.motion.scan_s(beams.pattern());
     let cloud = |i: usize| {
         let viewpoint = pair.viewpoints[i];
         let recorded = recorded_from_scan(&scans[i], beams, viewpoint, duration_s);

@@ -32,10 +32,10 @@ pub struct Trajectory<'a> {
     /// Its poses.
     pub poses: &'a [Stamped],
     /// The place.
-    pub place: Place,
+    pub place: Arc<Place>,
     /// The sensor.
     pub sensor: ConfiguredSensor,
-    /// Its beams.
+    /// Its beams, aimed by the start.
     pub beams: Beams,
 }
 
@@ -90,7 +90,8 @@ impl Trajectory<'_> {
             one.configure(&sensor.start.settings)?;
             one.scan(&view)
         })?;
-        let recorded = recorded_from_scan(&scan, beams, number, config.motion.duration_s);
+        let recorded =
+            recorded_from_scan(&scan, beams, number, config.motion.scan_s(beams.pattern()));
         with_points(recorded, || format!("{}:{}", self.file.display(), at.line))
     }
 

@@ -23,7 +23,7 @@ impl<'a> Judge<'a> {
         done: &(dyn Fn() + Sync),
     ) -> Result<Self, SensorError> {
         let (config, pairs) = (&prepared.config, prepared.pairs(which));
-        let scanner = prepared.bench().scanner(prepared.hardware, config.motion.duration_s);
+        let scanner = prepared.bench().scanner(prepared.device.hardware, config.motion.duration_s);
         let fitness = Fitness { tune: &config.tune, data: &config.data, start: Vec::new() };
         let mut judge = Self { prepared, scanner, pairs, fitness };
         if config.tune.counts_costs() {

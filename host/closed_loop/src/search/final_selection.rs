@@ -243,7 +243,7 @@ fn most_after(pairs: usize) -> usize {
 mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
-    use echoloop_dsp::Hardware;
+    use crate::parameters::Device;
     use echoloop_random::Generator;
 
     use super::*;
@@ -274,7 +274,7 @@ mod tests {
     /// Parameters told apart by their number of normal neighbours.
     fn finalist(number: u32) -> Parameters {
         let config = RunConfig::default();
-        let mut parameters = Parameters::start(&config, &Hardware::REFERENCE).expect("a start");
+        let mut parameters = Parameters::start(&config, &Device::REFERENCE).expect("a start");
         assert!(parameters.set(NUMBER, f64::from(number)));
         parameters
     }

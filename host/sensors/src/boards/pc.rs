@@ -291,6 +291,7 @@ impl<F: FrontEnd> Board for PcBoard<F> {
         let registers = |register| self.emitter.get(register);
         let trigger = read_trigger(&registers);
         self.front_end.name_noise(read_noise(&registers));
+        self.front_end.steer(registers(emitter::CELL));
         self.front_end.capture(&analog, trigger, codes);
         true
     }

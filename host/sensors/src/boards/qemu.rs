@@ -342,6 +342,7 @@ impl<F: FrontEnd> Qemu<F> {
         let samples =
             (adc(adc::SAMPLES) as usize).saturating_add(analog.pre_trigger).min(MAX_CODES);
         self.front_end.name_noise(read_noise(&emitter));
+        self.front_end.steer(emitter(emitter::CELL));
         self.front_end.capture(&analog, read_trigger(&emitter), &mut self.codes[..samples]);
         page.write_codes(&self.codes[..samples]);
         self.shots = shots;

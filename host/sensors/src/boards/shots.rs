@@ -12,13 +12,15 @@ use crate::boards::pc::PcBoard;
 pub struct Shots<F> {
     board: PcBoard<F>,
     settings: Settings,
+    /// Scan pattern with the aim of the settings.
+    pattern: ScanPattern,
 }
 
 impl<F: FrontEnd> Shots<F> {
     /// Front end with default settings. `hardware.adc_bits` is taken from it.
     pub fn new(front_end: F, pattern: ScanPattern, hardware: Hardware) -> Self {
         let board = PcBoard::new(front_end, pattern, hardware, RamNorFlash::default());
-        Self { board, settings: Settings::default() }
+        Self { board, settings: Settings::default(), pattern }
     }
 
     /// Front end, to give it another scene.
@@ -35,6 +37,8 @@ impl<F: FrontEnd> Shots<F> {
         afe::apply(settings, &mut self.board)?;
         afe::begin_frame(self.board.emitter(), frame)?;
         self.settings = *settings;
+        // Settings that the sensor holds have passed this check.
+        self.pattern = self.board.pattern().aimed(settings).map_err(|_| AfeError::Bus)?;
         Ok(())
     }
 
@@ -44,7 +48,7 @@ impl<F: FrontEnd> Shots<F> {
     ///
     /// [`AfeError::Bus`] when `codes` is longer or shorter than the settings make.
     pub fn fire(&mut self, beam: u32, shot: u32, codes: &mut [u16]) -> Result<(), AfeError> {
-        afe::fire(&mut self.board, &self.settings, beam, shot)?;
+        afe::fire(&mut self.board, &self.settings, &self.pattern, beam, shot)?;
         if self.board.samples(codes) { Ok(()) } else { Err(AfeError::Bus) }
     }
 }

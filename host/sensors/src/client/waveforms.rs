@@ -40,7 +40,7 @@ impl<T: Transport> Client<T> {
     ) -> Result<Vec<Echoes>, ClientError> {
         let settings = self.settings()?;
         let bits = self.identity.hardware.adc_bits;
-        let row = Row::new(&settings, self.identity.pattern.beams(), bits, shoot);
+        let row = Row::new(&settings, self.pattern.beams(), bits, shoot);
         if row.codes.len() as u32 > room.codes {
             return Err(ClientError::Room { room: room.codes, needed: row.codes.len() as u32 });
         }

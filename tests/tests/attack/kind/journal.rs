@@ -12,7 +12,6 @@ use echoloop_closed_loop::evaluation::objective::Bench;
 use echoloop_closed_loop::parameters::{Parameters, Space};
 use echoloop_closed_loop::run_folder::journal::{Generation, Journal};
 use echoloop_closed_loop::search::{Silent, TuneSearch, Tuned};
-use echoloop_dsp::Hardware;
 use echoloop_sensors::sensor::{Model, Sensors};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -22,8 +21,6 @@ use crate::damage::accident;
 
 /// Generations of the whole search, and of the interrupted one.
 const GENERATIONS: [usize; 2] = [5, 3];
-
-const HARDWARE: Hardware = Hardware::REFERENCE;
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 
@@ -88,8 +85,8 @@ impl Subject {
 
     fn search(&self) -> TuneSearch<'_> {
         let (tune, preset) = (&self.config.tune, self.config.registration.preset);
-        let start = Parameters::start(&self.config, &HARDWARE).expect("a start");
-        let space = Space::new(tune.protocol, tune.lidar, preset, start, HARDWARE);
+        let start = Parameters::start(&self.config, &self.config.device()).expect("a start");
+        let space = Space::new(tune.protocol, tune.lidar, preset, start, self.config.device());
         let bench = Bench { dataset: &self.dataset, sensors: &self.sensors };
         TuneSearch {
             config: &self.config,

@@ -122,7 +122,7 @@ impl Board {
 
     fn with(config: RunConfig, answers_left: usize) -> Self {
         let dataset = Dataset::build_with_check(&config, &|_, _| ()).expect("a yard");
-        let views = dataset.views().map(Arc::clone).collect();
+        let views: Vec<_> = dataset.views().collect();
         let mut sensor =
             Viewpoints::new(&Model::from(&config), views, scan_noise(config.seed)).sensor();
         let (here, _plug, path) = terminals();

@@ -1,0 +1,266 @@
+//! Budget of a sensor: what its light, its converter, its link and its time allow.
+
+pub mod eye_safety;
+
+use std::fmt;
+
+use echoloop_dsp::{Hardware, ScanPattern, Settings, pulse_energy_pj};
+use echoloop_parameters::{Bounds, section};
+use serde::{Deserialize, Serialize};
+
+section! {
+    /// What a scan may use. A search repairs candidates beyond it; 0: no limit.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default, expecting = "a table, [budget]")]
+    pub struct Budget in "budget" {
+        class_1: bool, "", Bounds::FLAG,
+            "Eye safety: each pulse within class 1 of IEC 60825-1 at `wavelength_nm`.";
+        wavelength_nm: f64, "nm", Bounds::between(700.0, 1050.0),
+            "Wavelength of the laser, for eye safety.";
+        frame_ms: f64, "ms", Bounds::between(10.0, 1000.0),
+            "Longest time of a scan; that of a scan whose pattern has none of its own.";
+        light_mw: f64, "mW", Bounds::between(0.0, 1e4),
+            "Most light emitted, in the mean.";
+        shots_per_s: f64, "1/s", Bounds::between(0.0, 1e9),
+            "Most shots a second.";
+        msamples_per_s: f64, "10⁶/s", Bounds::between(0.0, 1e6),
+            "Most samples a second of converter and detector, millions.";
+        mbit_per_s: f64, "Mbit/s", Bounds::between(0.0, 1e6),
+            "Most bits a second on the link, if every beam has as many echoes as are kept, Mbit/s.";
+    }
+}
+
+impl Default for Budget {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+impl Budget {
+    /// Budget of a sensor on sale, the Livox Mid-360 by its data sheet: class 1 at 905 nm, 200,000
+    /// points a second at 10 Hz, 100BASE-TX. One converter of 1 GS/s (AD9094, of Analog Devices'
+    /// LiDAR kit) reads 0.8 µs for each point. The light is that of the paper's sensor here, 75 W
+    /// for 5 ns 122,880 times a second, as no data sheet states its own.
+    pub const MID_360: Self = Self {
+        class_1: true,
+        light_mw: 46.08,
+        shots_per_s: 200_000.0,
+        msamples_per_s: 160.0,
+        mbit_per_s: 100.0,
+        ..Self::NONE
+    };
+
+    /// Budget of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        match name {
+            "none" => Some(Self::NONE),
+            "mid-360" => Some(Self::MID_360),
+            _ => None,
+        }
+    }
+
+    /// No limit.
+    pub const NONE: Self = Self {
+        class_1: false,
+        wavelength_nm: 905.0,
+        frame_ms: 100.0,
+        light_mw: 0.0,
+        shots_per_s: 0.0,
+        msamples_per_s: 0.0,
+        mbit_per_s: 0.0,
+    };
+
+    /// Time of a scan, s, by a pattern with its aim.
+    fn frame_s(&self, pattern: &ScanPattern) -> f64 {
+        match pattern.duration_s() {
+            0.0 => self.frame_ms / 1e3,
+            own => own,
+        }
+    }
+
+    /// What settings use. `pattern` has their aim.
+    pub fn usage(&self, pattern: &ScanPattern, settings: &Settings) -> Usage {
+        let frame_s = self.frame_s(pattern);
+        let shots_per_s = f64::from(pattern.beams()) * f64::from(settings.shots) / frame_s;
+        let pulse_pj = pulse_energy_pj(settings.power_uw, settings.pulse_width_ps);
+        let pulse_j = f64::from(pulse_pj) * 1e-12;
+        let samples = f64::from(settings.bins) + f64::from(settings.pre_trigger_samples());
+        let beam_bits = BITS_A_BEAM + BITS_AN_ECHO * f64::from(settings.echoes);
+        let wavelength_nm = self.wavelength_nm;
+        Usage {
+            frame_ms: 1e3 * frame_s,
+            pulse_nj: 1e9 * pulse_j,
+            class_1_nj: 1e9
+                * eye_safety::class_1_pulse_j(wavelength_nm, pattern, settings, frame_s),
+            light_mw: 1e3 * pulse_j * shots_per_s,
+            shots_per_s,
+            msamples_per_s: 1e-6 * samples * shots_per_s,
+            mbit_per_s: 1e-6 * beam_bits * f64::from(pattern.beams()) / frame_s,
+        }
+    }
+
+    /// The first limit that settings are beyond, if any. `pattern` has their aim.
+    pub fn exceeded(&self, pattern: &ScanPattern, settings: &Settings) -> Option<Exceeded> {
+        let usage = self.usage(pattern, settings);
+        let beyond = |row: &Row| row.limit.is_some_and(|limit| row.used > limit * SLACK);
+        usage.rows(self).into_iter().find(beyond).map(Exceeded)
+    }
+
+    /// Energy that a pulse may have, pJ: the hardware's limit, or less. `pattern` has the settings'
+    /// aim.
+    pub(crate) fn pulse_limit_pj(
+        &self,
+        hardware: &Hardware,
+        pattern: &ScanPattern,
+        settings: &Settings,
+    ) -> u32 {
+        let usage = self.usage(pattern, settings);
+        let class_1 = self.class_1.then_some(usage.class_1_nj);
+        let light = (self.light_mw > 0.0).then(|| 1e6 * self.light_mw / usage.shots_per_s);
+        let most_nj = [class_1, light].into_iter().flatten().fold(f64::INFINITY, f64::min);
+        ((1e3 * most_nj) as u32).min(hardware.energy_limit_pj) // `as` saturates
+    }
+
+    /// Beams of a scan of `frame_s` that the counts allow, with these shots, samples and echoes.
+    pub(crate) fn most_beams(&self, settings: &Settings, frame_s: f64) -> f64 {
+        let (shots, echoes) = (f64::from(settings.shots), f64::from(settings.echoes));
+        let samples = f64::from(settings.bins) + f64::from(settings.pre_trigger_samples());
+        let most = |limit: f64, of_beam: f64| match limit {
+            0.0 => f64::INFINITY,
+            limit => limit * frame_s / of_beam,
+        };
+        let light = most(self.shots_per_s, shots);
+        let samples = most(1e6 * self.msamples_per_s, shots * samples);
+        let bits = most(1e6 * self.mbit_per_s, BITS_A_BEAM + BITS_AN_ECHO * echoes);
+        light.min(samples).min(bits)
+    }
+}
+
+/// Rounding of a limit in the check.
+const SLACK: f64 = 1.0 + 1e-9;
+
+/// Bits of a beam without an echo, and of an echo, both ways, frames included: bounds of
+/// [`echoloop_sensors::size::scan_bits`], which a test compares them with.
+const BITS_A_BEAM: f64 = 20.0;
+const BITS_AN_ECHO: f64 = 152.0;
+
+/// What settings use of a budget.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Usage {
+    /// Time of a scan, ms.
+    pub frame_ms: f64,
+    /// Energy of a pulse, nJ.
+    pub pulse_nj: f64,
+    /// Energy of a pulse that class 1 allows this scan, nJ.
+    pub class_1_nj: f64,
+    /// Light, mW.
+    pub light_mw: f64,
+    /// Shots a second.
+    pub shots_per_s: f64,
+    /// Samples a second, millions.
+    pub msamples_per_s: f64,
+    /// Bits a second on the link at most, Mbit/s.
+    pub mbit_per_s: f64,
+}
+
+/// One limit of a budget and its use.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Name, to be read.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Use.
+    pub used: f64,
+    /// Limit; None without one.
+    pub limit: Option<f64>,
+}
+
+impl Usage {
+    /// Limits of a budget and the use of each.
+    pub fn rows(&self, budget: &Budget) -> [Row; 6] {
+        let row = |name, unit, used, limit: f64| Row {
+            name,
+            unit,
+            used,
+            limit: (limit > 0.0).then_some(limit),
+        };
+        let class_1_nj = if budget.class_1 { self.class_1_nj } else { 0.0 };
+        [
+            row("time of a scan", "ms", self.frame_ms, budget.frame_ms),
+            row("energy of a pulse", "nJ", self.pulse_nj, class_1_nj),
+            row("light", "mW", self.light_mw, budget.light_mw),
+            row("shots a second", "1/s", self.shots_per_s, budget.shots_per_s),
+            row("samples a second", "10⁶/s", self.msamples_per_s, budget.msamples_per_s),
+            row("bits a second", "Mbit/s", self.mbit_per_s, budget.mbit_per_s),
+        ]
+    }
+}
+
+/// A limit that settings are beyond.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub struct Exceeded(pub Row);
+
+impl fmt::Display for Exceeded {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Row { name, unit, used, limit } = self.0;
+        let limit = limit.unwrap_or(f64::INFINITY);
+        write!(f, "{name}: {used:.4} {unit} are used, and the budget has {limit:.4}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use echoloop_dsp::{Echo, Echoes};
+    use echoloop_link::settings_hash;
+    use echoloop_sensors::size::scan_bits;
+
+    use super::*;
+
+    #[test]
+    fn the_paper_s_sensor_uses_46_mw_and_98_million_samples_a_second() {
+        let usage = Budget::NONE.usage(&ScanPattern::default(), &Settings::default());
+        assert!((usage.pulse_nj - 375.0).abs() < 1e-9);
+        assert!((usage.shots_per_s - 122_880.0).abs() < 1e-6);
+        assert!((usage.light_mw - 46.08).abs() < 1e-6);
+        assert!((usage.msamples_per_s - 98.304).abs() < 1e-9);
+        assert_eq!(Budget::NONE.exceeded(&ScanPattern::default(), &Settings::default()), None);
+    }
+
+    #[test]
+    fn a_limit_is_named_with_what_is_used_and_what_there_is() {
+        let check = |budget: Budget| {
+            let exceeded = budget.exceeded(&ScanPattern::default(), &Settings::default());
+            exceeded.map(|exceeded| exceeded.to_string()).unwrap_or_default()
+        };
+        let none = Budget::NONE;
+        assert_eq!(
+            check(Budget { light_mw: 46.0, ..none }),
+            "light: 46.0800 mW are used, and the budget has 46.0000"
+        );
+        assert_eq!(check(Budget { light_mw: 46.08, ..none }), "");
+        assert!(check(Budget { class_1: true, ..none }).starts_with("energy of a pulse: 375"));
+        assert!(check(Budget { shots_per_s: 1e5, ..none }).starts_with("shots a second"));
+        assert!(check(Budget { msamples_per_s: 98.0, ..none }).starts_with("samples a second"));
+        assert!(check(Budget { mbit_per_s: 1.0, ..none }).starts_with("bits a second"));
+    }
+
+    #[test]
+    fn the_bits_of_a_full_scan_are_within_the_bound_and_near_it() {
+        let echo = Echo {
+            range: 256_000 * 119,
+            amplitude: 32_767,
+            width: 300,
+            snr: 40_000,
+            deviation: 20_000,
+            reflectivity: 40_000,
+            ..Echo::default()
+        };
+        for echoes in [0, 1, 4] {
+            let beam: Echoes = (0..echoes).map(|_| echo).collect();
+            let bits = scan_bits(&vec![beam; 12_288], settings_hash(&Settings::default())) as f64;
+            let bound = 12_288.0 * (BITS_A_BEAM + BITS_AN_ECHO * f64::from(echoes));
+            assert!((0.5..=1.0).contains(&(bits / bound)), "{echoes}: {bits} of {bound}");
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! Light that a scene returns to the beams of a viewpoint, whatever their aim.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use echoloop_dsp::Grid;
+use echoloop_frontend::{Return, SceneResponse};
+
+use super::View;
+use crate::beams::Beams;
+
+/// Response of a scene to the beams of a viewpoint.
+#[derive(Clone, Debug)]
+pub enum Response {
+    /// To beams that are the same with all settings.
+    Fixed(Arc<SceneResponse>),
+    /// To beams that the settings aim.
+    Steered(Arc<Raster>),
+}
+
+impl Response {
+    /// Response to these beams.
+    ///
+    /// Fixed responses have beams of their own and return those.
+    pub fn to(&self, beams: &Beams) -> Arc<SceneResponse> {
+        match self {
+            Self::Fixed(response) => Arc::clone(response),
+            Self::Steered(raster) => Arc::new(raster.to(beams)),
+        }
+    }
+
+    /// Response to every beam that settings can aim: those of `beams`, or all cells of the raster.
+    /// A moving sensor sees each aim from places of its own; it has that of `beams` alone.
+    pub fn to_all(&self, beams: &Beams) -> Arc<SceneResponse> {
+        match self {
+            Self::Steered(raster) if !raster.view.moves() => Arc::new(raster.to_all()),
+            _ => self.to(beams),
+        }
+    }
+}
+
+/// Dense response of a viewpoint: that of every cell of a mount's raster. A cell is traced when a
+/// beam points to it for the first time, and kept for all later aims.
+///
+/// Beams point to cells and nowhere between them ([`echoloop_dsp::Steered`]), so the response to an
+/// aim is the one that tracing it would give, to the bit.
+pub struct Raster {
+    view: View,
+    raster: Grid,
+    traced: Mutex<Traced>,
+}
+
+/// Returns of the cells traced so far.
+#[derive(Default)]
+struct Traced {
+    cells: HashMap<u32, Range<u32>>,
+    returns: Vec<Return>,
+}
+
+impl Raster {
+    pub(super) fn new(view: View, raster: Grid) -> Self {
+        Self { view, raster, traced: Mutex::default() }
+    }
+
+    fn to(&self, beams: &Beams) -> SceneResponse {
+        // From a moving sensor each aim sees a cell at another time, and so from another place.
+        if self.view.moves() {
+            return self.view.response(beams);
+        }
+        let cells = beams.cells();
+        self.trace(&cells);
+        self.locked().of(cells)
+    }
+
+    fn to_all(&self) -> SceneResponse {
+        let Grid { columns, rows, .. } = self.raster;
+        let column = |column: u32| (0..u32::from(rows)).map(move |row| (column << 16) | row);
+        let cells: Vec<u32> = (0..columns.into()).flat_map(column).collect();
+        self.trace(&cells);
+        self.locked().of(cells)
+    }
+
+    /// Traces the cells that are missing.
+    fn trace(&self, cells: &[u32]) {
+        let missing = {
+            let traced = self.locked();
+            let is_missing = |cell: &u32| !traced.cells.contains_key(cell);
+            cells.iter().copied().filter(is_missing).collect::<Vec<u32>>()
+        };
+        if missing.is_empty() {
+            return;
+        }
+        // As [`Beams::directions`] has them.
+        let exact = |cell: u32| self.raster.exact_direction([cell >> 16, cell & 0xffff]);
+        let direction = |&cell: &u32| exact(cell).map(|part| part as f32);
+        let directions: Vec<[f32; 3]> = missing.iter().map(direction).collect();
+        // Not locked meanwhile: a thread that waits for rays may take up another pair's work. Two
+        // threads may trace the same cell, to the same returns.
+        let response = self.view.along(&directions);
+        self.locked().add(&missing, &response);
+    }
+
+    /// Number of cells traced so far.
+    pub fn cells(&self) -> usize {
+        self.locked().cells.len()
+    }
+
+    fn locked(&self) -> MutexGuard<'_, Traced> {
+        self.traced.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl fmt::Debug for Raster {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Raster").field("cells", &self.cells()).finish_non_exhaustive()
+    }
+}
+
+impl Traced {
+    fn add(&mut self, cells: &[u32], response: &SceneResponse) {
+        for (beam, &cell) in cells.iter().enumerate() {
+            let Self { cells, returns } = self;
+            cells.entry(cell).or_insert_with(|| {
+                let start = returns.len() as u32; // 810,000 cells of 25 returns at most
+                returns.extend(response.of(beam));
+                start..returns.len() as u32
+            });
+        }
+    }
+
+    fn of(&self, cells: Vec<u32>) -> SceneResponse {
+        let mut response = SceneResponse { beams: vec![0], ..SceneResponse::default() };
+        for cell in &cells {
+            let range = self.cells.get(cell).cloned().unwrap_or_default();
+            response.returns.extend(&self.returns[range.start as usize..range.end as usize]);
+            response.beams.push(response.returns.len() as u32);
+        }
+        SceneResponse { cells, ..response }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use echoloop_dsp::{ParameterId, Settings};
+
+    use super::super::{Dataset, configured};
+    use super::*;
+
+    fn aim(set: &[(ParameterId, i32)]) -> Settings {
+        let mut settings = Settings::default();
+        set.iter().for_each(|&(id, value)| settings.set(id, Some(value)));
+        settings
+    }
+
+    #[test]
+    fn every_aim_sees_what_tracing_it_alone_would_show() {
+        let small = ["scanner.pattern=steered", "scanner.columns=40", "scanner.rows=16"];
+        let pairs = ["data.train_pairs=1", "data.test_pairs=1", "data.check_pairs=0"];
+        let config = configured(&[&small[..], &pairs[..]].concat());
+        let dataset = Dataset::build(&config, &|_, _| ()).unwrap();
+        let Response::Steered(raster) = &dataset.train[0].first else { panic!("steered") };
+        let mut traced = 0;
+        for settings in [
+            aim(&[]),
+            aim(&[(ParameterId::AzimuthSpan, 6_000), (ParameterId::Tilt, -700)]),
+            aim(&[(ParameterId::AzimuthFovea, 500), (ParameterId::Rows, 31)]),
+            aim(&[]),
+        ] {
+            let beams = dataset.beams.aimed(&settings).unwrap();
+            let alone = raster.view.response(&beams);
+            assert!(*dataset.train[0].first.to(&beams) == alone, "{settings:?}");
+            assert_eq!(alone.len(), beams.directions(1).len());
+            assert!(alone.returns.len() > alone.len() / 3, "sees something");
+            traced += alone.len();
+        }
+        // The first aim again costs nothing.
+        assert!(raster.cells() <= traced - 40 * 16, "{} of {traced}", raster.cells());
+    }
+
+    #[test]
+    fn a_moving_sensor_sees_each_aim_from_its_own_path() {
+        let small = ["scanner.pattern=steered", "scanner.columns=20", "scanner.rows=8"];
+        let motion = ["motion.duration_s=0.1", "motion.linear_m_s=[10,0,0]"];
+        let pairs = ["data.train_pairs=1", "data.test_pairs=1", "data.check_pairs=0"];
+        let config = configured(&[&small[..], &motion[..], &pairs[..]].concat());
+        let dataset = Dataset::build(&config, &|_, _| ()).unwrap();
+        let Response::Steered(raster) = &dataset.train[0].first else { panic!("steered") };
+        let look = |frame_us| {
+            let settings = aim(&[(ParameterId::FrameTime, frame_us)]);
+            dataset.train[0].first.to(&dataset.beams.aimed(&settings).unwrap())
+        };
+        assert_eq!(raster.cells(), 0);
+        assert_ne!(look(50_000).returns, look(200_000).returns, "a longer scan goes further");
+    }
+}
