@@ -52,13 +52,14 @@ impl SceneResponse {
     }
 
     /// Returns of a beam that was steered to `cell`; none from a cell that no beam has. A beam that
-    /// is not steered is known by its number.
+    /// is not steered is known by its number, and has none beyond the last.
     #[must_use]
     pub fn at(&self, beam: usize, cell: u32) -> &[Return] {
-        if self.cells.is_empty() {
-            return self.of(beam);
-        }
-        self.cells.binary_search(&cell).map_or(&[], |beam| self.of(beam))
+        let known = match self.cells.is_empty() {
+            true => Some(beam).filter(|beam| *beam < self.len()),
+            false => self.cells.binary_search(&cell).ok(),
+        };
+        known.map_or(&[], |beam| self.of(beam))
     }
 }
 
@@ -75,6 +76,7 @@ mod tests {
             cells: Vec::new(),
         };
         assert_eq!(fixed.at(2, 7), &[back(2.0), back(3.0)], "a beam that is not steered");
+        assert!(fixed.at(3, 0).is_empty(), "a beam beyond the last");
         let steered = SceneResponse { cells: vec![7, 9, 1 << 16], ..fixed };
         assert_eq!(steered.at(2, 7), &[back(1.0)]);
         assert_eq!(steered.at(0, 1 << 16), &[back(2.0), back(3.0)]);

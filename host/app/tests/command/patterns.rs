@@ -3,6 +3,8 @@
 use std::fmt::Write as _;
 use std::fs;
 
+use echoloop_closed_loop::config::load;
+
 use crate::fixture::Fixture;
 
 const HEADER: &str = "azimuth_deg,elevation_deg,time_s,channel\n";
@@ -22,6 +24,7 @@ fn every_pattern_scans_the_default_scene() {
     fs::write(fixture.path("mine.csv"), table()).expect("a file");
     for (pattern, own, beams) in [
         ("raster", "scanner.columns=96", 96 * 64),
+        ("steered", "scanner.columns=60", 60 * 64),
         ("vlp-16", "scanner.columns=90", 90 * 16),
         ("vlp-32c", "scanner.columns=60", 60 * 32),
         ("vls-128", "scanner.columns=30", 30 * 128),
@@ -82,4 +85,64 @@ fn a_configuration_that_is_printed_reads_back_with_its_pattern() {
         let again = fixture.succeed(&["config", "-c", "printed.toml"]).stdout;
         assert_eq!(again, text);
     }
+}
+
+const STEERED: &str = "scanner.pattern=steered";
+
+#[test]
+fn an_aim_that_the_mount_or_the_budget_does_not_allow_is_refused_with_the_bound() {
+    let fixture = Fixture::new();
+    let tune = |more: &[&'static str], parts: &[&str]| {
+        fixture
+            .refuses(&[&["tune", "-c", "small.toml", "--set", STEERED][..], more].concat(), parts);
+    };
+    for (set, said) in [
+        (
+            "lidar.elevation_span=91",
+            "lidar.elevation_span 91 ° is beyond the mount, which reaches 90°",
+        ),
+        ("lidar.tilt=20", "lidar.tilt 20 ° is beyond the mount, which reaches 15°"),
+        ("lidar.azimuth_span=0.5", "azimuth_span 0.5 ° is below its minimum 1 °"),
+        ("lidar.rows=0", "rows 0 beams is below its minimum 1"),
+        ("lidar.columns=2000", "columns 2000 beams are finer than the mount's step of 0.2°"),
+        ("lidar.frame_time=200", "time of a scan: 200.0000 ms are used, and the budget has 100"),
+        ("lidar.power=75", "energy of a pulse: 375.0000 nJ are used"),
+    ] {
+        tune(&["--set", set], &[said]);
+    }
+    let many = ["--set", "lidar.columns=300", "--set", "lidar.rows=64"];
+    let soon = [&many[..], &["--set", "lidar.frame_time=90"]].concat();
+    tune(&soon, &["frame_time 90 ms is shorter than the shots of a scan, 96 ms"]);
+    tune(&["--budget", "shots_per_s=1"], &["shots a second", "the budget has 1.0000"]);
+    tune(&["--budget", "none,light_mw=0.001"], &["light", "the budget has 0.0010"]);
+    tune(&["--budget", "watts=3"], &["--budget watts=3: expected none, mid-360, or KEY=VALUE"]);
+    tune(&["--budget", "light_mw=-1"], &["budget.light_mw", "0 to 10000"]);
+    let grid = ["tune", "-c", "small.toml"];
+    let aim = "tune.lidar = aim: the scan pattern is not steered";
+    fixture.refuses(&[&grid[..], &["--lidar", "aim"]].concat(), &[aim]);
+    let tilt = "lidar.tilt 5 ° is of no use: the scan pattern is not steered";
+    fixture.refuses(&[&grid[..], &["--set", "lidar.tilt=5"]].concat(), &[tilt]);
+    let free = ["--tune", "lidar.tilt"];
+    fixture.refuses(&[&grid[..], &free].concat(), &["lidar.tilt", "is not steered"]);
+}
+
+#[test]
+fn a_search_of_the_aim_keeps_within_the_budget_and_writes_what_it_chose() {
+    let fixture = Fixture::new();
+    let sets = ["--set", STEERED, "--set", "scanner.columns=32", "--set", "scanner.rows=16"];
+    let tune = ["tune", "-c", "small.toml", "--lidar", "aim", "--protocol", "lidar", "--budget"];
+    fixture.succeed(&[&tune[..], &["shots_per_s=5120"], &sets[..]].concat());
+    let header = fixture.read("runs/latest/history.jsonl");
+    let axes = ["shots", "azimuth_span", "elevation_span", "tilt", "rows"];
+    let foveas = ["azimuth_fovea", "elevation_fovea"];
+    let named: Vec<String> =
+        axes.iter().chain(&foveas).map(|name| format!("\"lidar.{name}\"")).collect();
+    let expected = format!("\"axes\":[{}]", named.join(","));
+    assert!(header.contains(&expected), "the aim alone is searched");
+    let tuned = load(Some(&fixture.path("runs/latest/tuned.toml")), &[]).expect("a configuration");
+    let (device, settings) = (tuned.device(), tuned.lidar.0);
+    assert_eq!(device.check(&settings), Ok(()));
+    let beams = device.aimed(&settings).beams();
+    let shots = beams * settings.shots as u32;
+    assert!((480..=512).contains(&shots), "{shots} of 512 shots a scan are used");
 }

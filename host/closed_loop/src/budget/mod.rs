@@ -18,7 +18,7 @@ section! {
         wavelength_nm: f64, "nm", Bounds::between(700.0, 1050.0),
             "Wavelength of the laser, for eye safety.";
         frame_ms: f64, "ms", Bounds::between(10.0, 1000.0),
-            "Longest time of a scan; that of a scan whose pattern has none of its own.";
+            "Longest time of a steered scan; that of a scan whose pattern has none of its own.";
         light_mw: f64, "mW", Bounds::between(0.0, 1e4),
             "Most light emitted, in the mean.";
         shots_per_s: f64, "1/s", Bounds::between(0.0, 1e9),
@@ -88,6 +88,7 @@ impl Budget {
         let beam_bits = BITS_A_BEAM + BITS_AN_ECHO * f64::from(settings.echoes);
         let wavelength_nm = self.wavelength_nm;
         Usage {
+            is_steered: matches!(pattern, ScanPattern::Steered(_)),
             frame_ms: 1e3 * frame_s,
             pulse_nj: 1e9 * pulse_j,
             class_1_nj: 1e9
@@ -147,6 +148,8 @@ const BITS_AN_ECHO: f64 = 152.0;
 /// What settings use of a budget.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Usage {
+    /// True when the settings have the time of a scan.
+    pub is_steered: bool,
     /// Time of a scan, ms.
     pub frame_ms: f64,
     /// Energy of a pulse, nJ.
@@ -186,8 +189,9 @@ impl Usage {
             limit: (limit > 0.0).then_some(limit),
         };
         let class_1_nj = if budget.class_1 { self.class_1_nj } else { 0.0 };
+        let frame_ms = if self.is_steered { budget.frame_ms } else { 0.0 };
         [
-            row("time of a scan", "ms", self.frame_ms, budget.frame_ms),
+            row("time of a scan", "ms", self.frame_ms, frame_ms),
             row("energy of a pulse", "nJ", self.pulse_nj, class_1_nj),
             row("light", "mW", self.light_mw, budget.light_mw),
             row("shots a second", "1/s", self.shots_per_s, budget.shots_per_s),
@@ -211,7 +215,7 @@ impl fmt::Display for Exceeded {
 
 #[cfg(test)]
 mod tests {
-    use echoloop_dsp::{Echo, Echoes};
+    use echoloop_dsp::{Echo, Echoes, Rosette, Steered};
     use echoloop_link::settings_hash;
     use echoloop_sensors::size::scan_bits;
 
@@ -225,6 +229,17 @@ mod tests {
         assert!((usage.light_mw - 46.08).abs() < 1e-6);
         assert!((usage.msamples_per_s - 98.304).abs() < 1e-9);
         assert_eq!(Budget::NONE.exceeded(&ScanPattern::default(), &Settings::default()), None);
+    }
+
+    #[test]
+    fn only_a_scan_whose_time_is_set_can_take_too_long() {
+        let slow = ScanPattern::Rosette(Rosette { beams: 50_000, ..Rosette::MID_40 });
+        assert_eq!(Budget::NONE.exceeded(&slow, &Settings::default()), None);
+        let mut steered = Steered::REFERENCE;
+        steered.aim.frame_us = 100_001;
+        let exceeded = Budget::NONE.exceeded(&ScanPattern::Steered(steered), &Settings::default());
+        let said = exceeded.map(|exceeded| exceeded.to_string()).unwrap_or_default();
+        assert_eq!(said, "time of a scan: 100.0010 ms are used, and the budget has 100.0000");
     }
 
     #[test]

@@ -9,7 +9,8 @@ section! {
     ///
     /// A beam is fired when the pattern says, of the grid's `n` beams the one `b` at
     /// `t = ((b + ½)/n − ½) · duration`. The pose of a scan, and so the truth of a pair, is that of
-    /// its middle, t = 0; points are laid out as if all were measured from there.
+    /// its middle, t = 0; points are laid out as if all were measured from there. A steered sensor
+    /// that moves takes `lidar.frame_time` for a scan, whatever the duration here.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default, expecting = "a table, [motion]")]
     pub struct Motion in "motion" {

@@ -74,12 +74,12 @@ impl Raster {
         self.locked().of(cells)
     }
 
+    /// All cells, traced anew: kept, they would take up 40 MB a viewpoint.
     fn to_all(&self) -> SceneResponse {
         let Grid { columns, rows, .. } = self.raster;
         let column = |column: u32| (0..u32::from(rows)).map(move |row| (column << 16) | row);
         let cells: Vec<u32> = (0..columns.into()).flat_map(column).collect();
-        self.trace(&cells);
-        self.locked().of(cells)
+        SceneResponse { cells: cells.clone(), ..self.look(&cells) }
     }
 
     /// Traces the cells that are missing.
@@ -92,14 +92,18 @@ impl Raster {
         if missing.is_empty() {
             return;
         }
+        // Not locked meanwhile: a thread that waits for rays may take up another pair's work. Two
+        // threads may trace the same cell, to the same returns.
+        let response = self.look(&missing);
+        self.locked().add(&missing, &response);
+    }
+
+    /// Response to beams that point to these cells.
+    fn look(&self, cells: &[u32]) -> SceneResponse {
         // As [`Beams::directions`] has them.
         let exact = |cell: u32| self.raster.exact_direction([cell >> 16, cell & 0xffff]);
         let direction = |&cell: &u32| exact(cell).map(|part| part as f32);
-        let directions: Vec<[f32; 3]> = missing.iter().map(direction).collect();
-        // Not locked meanwhile: a thread that waits for rays may take up another pair's work. Two
-        // threads may trace the same cell, to the same returns.
-        let response = self.view.along(&directions);
-        self.locked().add(&missing, &response);
+        self.view.along(&cells.iter().map(direction).collect::<Vec<_>>())
     }
 
     /// Number of cells traced so far.
@@ -144,6 +148,7 @@ impl Traced {
 #[cfg(test)]
 mod tests {
     use echoloop_dsp::{ParameterId, Settings};
+    use echoloop_sensors::serve::Views;
 
     use super::super::{Dataset, configured};
     use super::*;
@@ -177,6 +182,23 @@ mod tests {
         }
         // The first aim again costs nothing.
         assert!(raster.cells() <= traced - 40 * 16, "{} of {traced}", raster.cells());
+    }
+
+    #[test]
+    fn what_is_served_holds_the_response_of_every_aim() {
+        let small = ["scanner.pattern=steered", "scanner.columns=12", "scanner.rows=6"];
+        let pairs = ["data.train_pairs=1", "data.test_pairs=1", "data.check_pairs=0"];
+        let config = configured(&[&small[..], &pairs[..]].concat());
+        let dataset = Dataset::build(&config, &|_, _| ()).unwrap();
+        let all = dataset.view(1).unwrap();
+        assert_eq!(all.len(), 1800 * 450);
+        let settings = aim(&[(ParameterId::AzimuthSpan, 9_000), (ParameterId::Tilt, 1_500)]);
+        let beams = dataset.beams.aimed(&settings).unwrap();
+        let own = dataset.train[0].first.to(&beams);
+        for (beam, cell) in beams.cells().into_iter().enumerate() {
+            assert_eq!(all.at(beam, cell), own.at(beam, cell), "{cell:#x}");
+        }
+        assert!(dataset.view(0).is_none() && dataset.view(5).is_none());
     }
 
     #[test]

@@ -30,7 +30,8 @@ impl Limits {
 /// Too few samples a pulse: the pulse is widened up to its limit; beyond it, bins are added. Too
 /// much energy: the power is lowered to its limit, then the pulse shortened; where neither is
 /// enough, the power is lowered beyond its limit. The budget's light and eye safety count as
-/// energy. An aim: see [`repair_aim`]. A gain that rises beyond the middle of the
+/// energy. An aim comes within mount and
+/// budget. A gain that rises beyond the middle of the
 /// window: it rises up to there, or nowhere. (S > N holds by the ranges.)
 pub fn repair(
     settings: &mut Settings,
