@@ -4,14 +4,14 @@ use plotters::style::RGBColor;
 
 /// Classes of all plots. While plotters draws, each is encoded as a colour of its own.
 #[rustfmt::skip]
-pub(super) const CLASSES: [&str; 45] = [
+pub(super) const CLASSES: [&str; 50] = [
     "grid", "frame", "tick", "axis", "limit", "default", "best", "median", "mean-point", "band",
     "held-out", "sigma", "mean", "spread", "tuned", "slope good", "slope bad", "dot-default",
     "dot-default hollow", "dot-tuned", "dot-tuned hollow", "curve-default", "curve-tuned", "cell",
     "plus", "minus", "value", "value strong", "name", "bar-back", "bar", "whisker",
     "own-title", "candidate", "bar strong-bar", "curve-lidar", "curve-registration",
     "ring-lidar", "ring-registration", "cloud-target", "cloud-source", "key-target", "key-source",
-    "middle", "unlearned",
+    "middle", "unlearned", "beam-none", "beam-near", "beam-middle", "beam-far", "beam-farthest",
 ];
 
 /// Colour that encodes `class` until [`themed`] puts the class in its place.

@@ -72,6 +72,17 @@ pub fn effective(values: &Values, name: &str) -> Option<f64> {
     })
 }
 
+/// The sensor's settings of named values; those left out have their defaults.
+pub fn settings_of(values: &Values) -> Settings {
+    let mut settings = Settings::default();
+    for (name, &value) in values {
+        if let Some(id) = name.strip_prefix("lidar.").and_then(ParameterId::by_name) {
+            settings.set(id, Some(id.parameter().to_code(value)));
+        }
+    }
+    settings
+}
+
 impl Parameters {
     /// Start of a configuration.
     ///

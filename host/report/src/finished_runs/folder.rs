@@ -10,7 +10,7 @@ use serde::Deserialize;
 use serde_json::Value;
 use thiserror::Error;
 
-use echoloop_closed_loop::config::{DataConfig, RegistrationConfig, TuneConfig};
+use echoloop_closed_loop::config::{Budget, DataConfig, RegistrationConfig, TuneConfig};
 use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::run_folder::journal::{Generation, Header, Journal};
 use echoloop_closed_loop::run_folder::provenance::About;
@@ -56,6 +56,9 @@ pub struct Known {
     pub scene: toml::Table,
     /// The scanner, as in the file.
     pub scanner: toml::Table,
+    /// Budget; none in a run from before there were any.
+    #[serde(default)]
+    pub budget: Budget,
     /// Pairs of scans.
     pub data: DataConfig,
     /// Registration of the pairs.

@@ -3,6 +3,8 @@
 //! A section is a file here with `section`, which draws what it takes from the [`Report`]. Values
 //! that are not finite mean "unknown" or "nothing found" everywhere.
 
+mod beams;
+mod budget;
 mod clouds;
 mod convergence;
 pub(crate) mod correlation;
@@ -76,12 +78,14 @@ impl Report {
             header::section(self),
             evaluation::section(&self.table),
             cost::section(&costs(&self.run.result, self.run.config.tune.told_cost())),
+            budget::section(self),
             front::section(self.run.result.front.as_ref()),
             convergence::section(self),
             trajectories::section(self),
             importance::section(&self.importance),
             correlation::section(self),
             pairs::section(self),
+            beams::section(self),
             clouds::section(self),
             identity::section(&self.run),
             notes::section(&self.run.config),
