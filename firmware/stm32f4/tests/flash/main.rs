@@ -60,7 +60,7 @@ fn settings_come_back_after_the_power_from_two_sectors_and_nothing_else_changes(
 fn a_power_cut_anywhere_in_a_save_leaves_the_old_settings_or_the_new() {
     let mut cuts = 0;
     for (times, step, seed) in
-        (0..3).flat_map(|t| (0..40).flat_map(move |step| (0..8).map(move |seed| (t, step, seed))))
+        (0..3).flat_map(|t| (0..70).flat_map(move |step| (0..8).map(move |seed| (t, step, seed))))
     {
         let old = (times > 0).then(|| set(times));
         let mut flash = worn(times);
@@ -78,8 +78,8 @@ fn a_power_cut_anywhere_in_a_save_leaves_the_old_settings_or_the_new() {
         save(&mut flash, &HARDWARE, &set(200)).unwrap();
         assert_eq!(settings(&mut flash), Some(set(200)));
     }
-    // A sector and 32 words, each torn in eight ways, from three states.
-    assert_eq!(cuts, 3 * 8 * (1 + 32));
+    // A sector and 64 words, each torn in eight ways, from three states.
+    assert_eq!(cuts, 3 * 8 * (1 + 64));
 }
 
 #[test]
