@@ -22,6 +22,8 @@ use echoloop_dsp::{ScanPattern, Settings};
 
 /// Energy of one pulse without C₄, J.
 const PULSE_J: f64 = 7.7e-8;
+/// Pulses within it count as one, s.
+const ONE_PULSE_S: f64 = 5e-6;
 /// Energy of a dwell of 1 s without C₄, J.
 const DWELL_J: f64 = 7e-4;
 /// Mean power without C₄, W.
@@ -49,27 +51,34 @@ pub fn class_1_pulse_j(
     settings: &Settings,
     frame_s: f64,
 ) -> f64 {
-    let shots = f64::from(settings.shots);
-    let [columns, rows] = beams_in_pupil(pattern).map(f64::from);
-    let of_scan = columns * rows * shots;
-    let shot_s = frame_s / (f64::from(pattern.beams().max(1)) * shots);
+    let shots = settings.shots.unsigned_abs().max(1);
+    let [columns, rows] = beams_in_pupil(pattern);
+    let of_column = rows * shots;
+    let of_scan = columns.saturating_mul(of_column);
+    let shot_s = frame_s / (f64::from(pattern.beams().max(1)) * f64::from(shots));
     let column_s = match pattern.columns_and_rows() {
-        Some([_, rows]) => f64::from(rows) * shots * shot_s,
+        Some([_, rows]) => f64::from(rows) * f64::from(shots) * shot_s,
         None => shot_s,
     };
-    let of_dwell = |pulses: f64, seconds: f64| DWELL_J * libm::pow(seconds, 0.75) / pulses;
-    let of_columns = |count: u32| {
-        let count = f64::from(count);
-        let seconds = (count - 1.0) * column_s + rows * shots * shot_s;
-        of_dwell(count * rows * shots, seconds)
+    // The shortest time from the first to the last of `pulses`: those of a column follow one
+    // another.
+    let span_s = |pulses: u32| {
+        let (columns, more) = ((pulses - 1) / of_column, (pulses - 1) % of_column);
+        f64::from(columns) * column_s + f64::from(more) * shot_s
     };
-    let scans = T2_S / frame_s;
+    let of_dwell = |pulses: f64, seconds: f64| DWELL_J * libm::pow(seconds, 0.75) / pulses;
+    let of_group = |pulses: u32| match span_s(pulses) {
+        seconds if seconds < ONE_PULSE_S => PULSE_J / f64::from(pulses),
+        seconds => of_dwell(f64::from(pulses), seconds),
+    };
+    let as_one = (1..=of_scan).take_while(|&pulses| span_s(pulses) < ONE_PULSE_S).count() as f64;
+    let of_t2 = f64::from(of_scan) * T2_S / frame_s;
     let limits = [
-        PULSE_J * c5(of_scan * scans),
-        (1..=columns as u32).map(of_columns).fold(f64::INFINITY, f64::min),
+        PULSE_J * c5(of_t2 / as_one) / as_one,
+        (1..=of_scan).map(of_group).fold(f64::INFINITY, f64::min),
         // The more scans, the less of each: the longest dwell decides.
-        of_dwell(of_scan * scans, T2_S),
-        MEAN_W * frame_s / of_scan,
+        of_dwell(of_t2, T2_S),
+        MEAN_W * frame_s / f64::from(of_scan),
     ];
     c4(wavelength_nm) * limits.into_iter().fold(f64::INFINITY, f64::min)
 }
@@ -90,7 +99,10 @@ fn beams_in_pupil(pattern: &ScanPattern) -> [u32; 2] {
     // Two beams at elevation φ are within the pupil where sin(Δ/2) · cos φ ≤ sin of its half.
     let half = libm::sin(PUPIL_RAD) / libm::cos(steepest);
     let window = if half < 1.0 { 2.0 * libm::asin(half) } else { 2.0 * PI };
-    [most_within(azimuths, window), most_within(elevations, 2.0 * PUPIL_RAD)]
+    // Once more around: the pupil may be where the azimuth goes from 180° to −180°.
+    let around = azimuths.iter().map(|azimuth| azimuth + 2.0 * PI).collect::<Vec<_>>();
+    let most = most_within([azimuths, around].concat(), window).min(u32::from(columns));
+    [most, most_within(elevations, 2.0 * PUPIL_RAD)]
 }
 
 /// Most of these angles within a window, 1 at least.
@@ -108,7 +120,13 @@ mod tests {
 
     use super::*;
 
-    const WIDE: Aim = Aim { columns: 192, ..Steered::REFERENCE.aim };
+    const WIDE: Aim = Aim {
+        columns: 192,
+        rows: 64,
+        elevation_cdeg: 6_000,
+        tilt_cdeg: 0,
+        ..Steered::REFERENCE.aim
+    };
 
     fn steered(aim: Aim) -> ScanPattern {
         ScanPattern::Steered(Steered { aim, ..Steered::REFERENCE })
@@ -137,12 +155,23 @@ mod tests {
     fn pulses_of_neighbouring_beams_share_what_a_dwell_may_have() {
         let aim = WIDE;
         assert_eq!(beams_in_pupil(&steered(aim)), [3, 5]);
-        // 1500 pulses in 10 s: C₅ = 0.8034.
+        // Two beams of a column, 8.14 µs apart: 7·10⁻⁴ · 2.5704 · (8.14 µs)^0.75 / 2.
         let found = limit_nj(aim, 1, 0.1);
-        assert!((found - 159.0).abs() < 0.1, "{found}");
-        // 10 pulses of a column, 4.07 µs apart: 7·10⁻⁴ · 2.5704 · (40.7 µs)^0.75 / 10.
+        assert!((found - 137.1).abs() < 0.1, "{found}");
+        // Five times slower there are 300 pulses in 10 s, and C₅ is 1.
+        let found = limit_nj(aim, 1, 0.5);
+        assert!((found - 197.9).abs() < 0.1, "{found}");
+        // 4.07 µs apart two count as one, of which there are 1500 in 10 s: C₅ = 0.8034.
         let found = limit_nj(aim, 2, 0.1);
-        assert!((found - 91.7).abs() < 0.1, "{found}");
+        assert!((found - 79.5).abs() < 0.1, "{found}");
+    }
+
+    #[test]
+    fn the_pupil_may_be_behind_the_sensor_where_both_ends_of_a_turn_meet() {
+        let ends = Aim { columns: 312, azimuth_fovea_milli: -400, ..WIDE };
+        // Beams are 0.64° apart there, 1.15° in the mean: 4.01°/cos 30° have eight on either side
+        // of it, where the middle of a window within the turn has 14 in all.
+        assert_eq!(beams_in_pupil(&steered(ends))[0], 16);
     }
 
     #[test]
