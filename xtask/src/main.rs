@@ -95,6 +95,8 @@ enum Task {
     Peers(peers::Peers),
     /// The pictures of scenes in the docs, drawn again.
     Pictures,
+    /// The picture of the beams before and after tuning, drawn again: six minutes.
+    Beams,
     /// Pairs of the nine towns: the time to trace, store and read them, in the docs.
     Towns,
     /// Registration with each scan pattern, at equal time and at equal energy; goes on where it was
@@ -120,6 +122,7 @@ fn main() -> Result<()> {
         Task::Figures(args) => figures::run(&args),
         Task::Peers(args) => peers::run(args),
         Task::Pictures => pictures::run(),
+        Task::Beams => pictures::beams(),
         Task::Towns => towns::run(),
         Task::Patterns(args) => patterns::run(&args),
         Task::Study(args) => study::run(&args),

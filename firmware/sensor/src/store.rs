@@ -11,7 +11,7 @@
 //! | 16 | 4 | n, length of the settings |
 //! | 20 | n | settings, postcard |
 //! | 20 + n | 4 | CRC-32C of all before it |
-//! | 24 + n | … | ones, up to 128 bytes |
+//! | 24 + n | … | ones, up to 256 bytes |
 //!
 //! The *newest* slot is the one with the greater revision (modulo 2³²) of those whose magic, hash
 //! and checksum hold and whose settings pass [`Settings::check`] on this hardware. [`save`] writes
@@ -101,7 +101,7 @@ pub fn save<S: NorFlash>(
     }
     let (slot, revision) =
         newest.map_or((Slot::First, 1), |(slot, old)| (slot.other(), old.revision.wrapping_add(1)));
-    // 76 bytes of settings at most: they fit
+    // 149 bytes of settings at most: they fit
     let bytes = record(revision, settings).ok_or(StoreError::Verify)?;
     slot.write(flash, &bytes)?;
     Ok(revision)

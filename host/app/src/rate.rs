@@ -63,16 +63,17 @@ pub(super) fn run(args: &RateArgs) -> Result<(), Failure> {
     let config = args.setup.source.load(Vec::new())?;
     let Model { pattern, hardware, .. } = Model::from(&config);
     let settings = config.lidar.0;
+    let refused = |refusal| Failure::usage(format!("[lidar]: {refusal}"));
+    let pattern = pattern.aimed(&settings).map_err(refused)?;
     let of = RateOf {
         settings: &settings,
         hardware,
         pattern: &pattern,
-        duration_s: config.motion.duration_s,
+        duration_s: config.motion.scan_s(&pattern),
         hz: args.hz,
         cycles_per_instruction: args.cycles_per_instruction,
         echoes: args.echoes.unwrap_or(settings.echoes.unsigned_abs()),
     };
-    let refused = |refusal| Failure::usage(format!("[lidar]: {refusal}"));
     let rate = of.estimate().map_err(refused)?;
     let is_measured = !args.setup.sensor.is_in_process();
     let document = Document {

@@ -46,6 +46,7 @@ pub(super) fn run(args: &SceneArgs) -> Result<(), Failure> {
     let mut source = args.source.clone();
     source.scene = args.what.clone().or(source.scene);
     let config = source.load(Vec::new())?;
+    config.device().pattern.aimed(&config.lidar.0).map_err(Failure::usage)?;
     let outputs = Outputs::of(args)?; // now: large scenes take long
     on_threads(args.common.threads, || show(args, &config, &outputs))?
 }

@@ -38,6 +38,12 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
         let problem = "detector.kind = ideal is for --sensor in-process, not for one on a line";
         return Err(Failure::usage(problem));
     }
+    let (is_steered, moves) = (config.device().steered().is_some(), !config.motion.is_still());
+    if is_steered && moves {
+        let problem = "motion: a steered sensor that is served stands still, as each of its aims \
+                       would see the scene along a path of its own";
+        return Err(Failure::usage(problem));
+    }
     on_threads(args.threads, || answer(args, &config))?
 }
 
@@ -50,6 +56,9 @@ fn answer(args: &ServeArgs, config: &RunConfig) -> Result<(), Failure> {
     progress.end();
     stop.listen();
     let viewpoints = 2 * dataset.pairs().count();
+    if config.device().steered().is_some() && config.has_one_aim() {
+        progress.say("stored pairs have the beams of one aim: settings with another see nothing");
+    }
     progress.say(&format!("serving {viewpoints} viewpoints on {} until ^C", args.port));
     let mut sensor =
         Viewpoints::new(&Model::from(config), dataset, scan_noise(config.seed)).sensor();

@@ -58,8 +58,8 @@ pub(crate) struct TuneArgs {
     /// Parameters of the sensor that are tuned.
     #[arg(long)]
     lidar: Option<LidarPreset>,
-    /// Budget of light, converter, link and time: none, mid-360, or limits of [budget] as
-    /// shots_per_s=122880; several with commas. A search keeps within it.
+    /// Budget of light, converter, link and time: none, unitree-l2, mid-360, or limits of [budget],
+    /// as shots_per_s=122880; several with commas. A search keeps within it.
     #[arg(long, value_name = "NAME|KEY=VALUE", value_delimiter = ',')]
     budget: Vec<String>,
     #[command(flatten)]
@@ -198,7 +198,7 @@ fn budget_overrides(given: &[String]) -> Result<Vec<Override>, Failure> {
             let keys = Budget::KEYS.iter().filter_map(|key| key.key.strip_prefix("budget."));
             let keys = keys.collect::<Vec<_>>().join(", ");
             Failure::usage(format!(
-                "--budget {}: expected none, mid-360, or KEY=VALUE with one of {keys}",
+                "--budget {}: expected none, unitree-l2, mid-360, or KEY=VALUE with one of {keys}",
                 one_line(text)
             ))
         };

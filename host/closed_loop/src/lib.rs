@@ -28,8 +28,9 @@
 //! use echoloop_sensors::sensor::{Model, Sensors};
 //!
 //! let small = [
-//!     "scene.towns=[1]", "scanner.columns=24", "scanner.rows=8", "data.train_pairs=1",
-//!     "data.test_pairs=1", "tune.generations=2", "tune.population=3", "tune.shortlist=1",
+//!     "scene.source=structured", "scene.towns=[1]", "scanner.pattern=grid", "scanner.columns=24",
+//!     "scanner.rows=8", "data.train_pairs=1", "data.test_pairs=1", "tune.generations=2",
+//!     "tune.population=3", "tune.shortlist=1",
 //! ];
 //! let overrides: Result<Vec<_>, _> = small.iter().map(|text| text.parse()).collect();
 //! let config = load(None, &overrides?)?;

@@ -260,7 +260,7 @@ impl Prepared {
 pub fn space(config: &RunConfig, start: Parameters, device: Device) -> Result<Space, ValueError> {
     let (tune, preset) = (&config.tune, config.registration.preset);
     let mut space = Space::new(tune.protocol, tune.lidar, preset, start, device);
-    if !config.scene.stored.is_empty() {
+    if config.has_one_aim() {
         space = space.with_one_aim();
     }
     space.with_own(&tune.axes)

@@ -1,5 +1,7 @@
 //! One run from search to result: evaluation on the held-out pairs, front, files of the run folder.
 
+use std::borrow::Cow;
+
 use std::path::Path;
 use std::sync::atomic::Ordering;
 
@@ -129,7 +131,9 @@ pub fn result(search: &TuneSearch<'_>, tuned: &Tuned, judged: Judged) -> RunResu
 /// Facts of the search that its page shows besides the result.
 fn background(search: &TuneSearch<'_>, tuned: &Tuned) -> Background {
     let (dataset, axes) = (search.bench.dataset, search.space.axes());
-    let pattern = dataset.beams.pattern();
+    let beams =
+        dataset.beams.aimed(&search.start.settings).unwrap_or(Cow::Borrowed(&dataset.beams));
+    let pattern = beams.pattern();
     let stages = search.stages();
     let last = stages.last().map(|stage| stage.axes.clone()).unwrap_or_default();
     let was_made = |stage: &&Stage| tuned.generations.iter().any(|g| g.stage == stage.name);

@@ -21,6 +21,7 @@ mod format;
 mod overlay;
 mod packed;
 mod page;
+mod panorama;
 mod picture;
 mod plates;
 mod plot;

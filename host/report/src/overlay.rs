@@ -1,11 +1,10 @@
 //! Two registered clouds from above.
 
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
 
 use plotters::element::Rectangle;
 
-use super::plot::{Caption, Key, RIGHT, Sample, at, drawing};
+use super::plot::{Caption, Key, Px, RIGHT, Sample, at, dots_path, drawing};
 use super::theme::ink;
 
 const SIDE: f64 = 330.0;
@@ -52,22 +51,16 @@ impl Overlay {
         })
     }
 
-    /// All points as one path: each a stroke of a tenth of a pixel, whose round ends make it a dot.
+    /// All points within the frame.
     fn dots(&self, class: &str, cloud: &[[f64; 2]], scale: f64) -> String {
-        let mut seen = BTreeSet::new();
-        let mut path = String::new();
-        for [x, y] in cloud {
-            let place = [
+        let place = |[x, y]: &[f64; 2]| {
+            [
                 0.5 * SIDE + scale * (x - self.centre_m[0]),
                 0.5 * SIDE - scale * (y - self.centre_m[1]),
-            ];
-            let is_inside = place.iter().all(|side| (2.0..SIDE - 2.0).contains(side));
-            let grain = place.map(|side| (side / GRAIN).floor() as i32);
-            if is_inside && seen.insert(grain) {
-                let (x, y) = at(place);
-                let _ = write!(path, "M{x} {y}h1");
-            }
-        }
-        format!("<path class=\"{class}\" d=\"{path}\"/>")
+            ]
+        };
+        let is_inside = |place: &Px| place.iter().all(|side| (2.0..SIDE - 2.0).contains(side));
+        let places = cloud.iter().map(place).filter(is_inside);
+        dots_path(class, places, GRAIN, &mut BTreeSet::new())
     }
 }

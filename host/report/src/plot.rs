@@ -1,5 +1,7 @@
 //! Drawings by plotters: a canvas in the style sheet's colours, and charts with two axes on it.
 
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
 use std::io;
 
 use plotters::coord::Shift;
@@ -308,6 +310,24 @@ pub(super) enum Sample {
     Line,
     Area,
     Dot,
+}
+
+/// Places as one path: each a stroke of a tenth of a pixel, whose round ends make it a dot. Of the
+/// places in a square of `grain` pixels the first is drawn; `seen` has the squares taken before.
+pub(super) fn dots_path(
+    class: &str,
+    places: impl Iterator<Item = Px>,
+    grain: f64,
+    seen: &mut BTreeSet<[i32; 2]>,
+) -> String {
+    let mut path = String::new();
+    for place in places {
+        if seen.insert(place.map(|side| (side / grain).floor() as i32)) {
+            let (x, y) = at(place);
+            let _ = write!(path, "M{x} {y}h1");
+        }
+    }
+    format!("<path class=\"{class}\" d=\"{path}\"/>")
 }
 
 /// A legend as a list, in the page's text size at any scale of the plot.

@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use super::format::{base64, escape, fixed, grouped, significant};
 use super::packed::{MAX_TRIANGLES, Packed};
 use super::page::{document_with, facts, header, notes_section, subtitle};
+use super::panorama::{Panorama, panels};
 use super::picture::picture_png;
 use super::survey::{STILL_PX, SceneReport};
 
@@ -36,10 +37,23 @@ impl SceneReport<'_> {
         let sections = [
             header(title, &below),
             self.section(&packed, &still),
+            self.beams(),
             notes_section(&self.notes(&packed)),
         ];
         let script = [CAMERA, VIEWER].concat();
         Ok(document_with(STYLE, "wide", title, &sections.concat(), &script))
+    }
+
+    /// Beams of a scan from the first viewpoint and what they meet.
+    fn beams(&self) -> String {
+        let Some((beams, met)) = self.survey.first_scan(self.config) else { return String::new() };
+        let panorama = Panorama::of_points("First viewpoint", &beams, met.into_iter());
+        format!(
+            "<section id=\"beams\"><h2>Where the beams go</h2>\
+             <p class=\"lead\">A scan from the first viewpoint, by the scene's surfaces alone: \
+             ahead in the middle, behind at both ends.</p>{}</section>\n",
+            panels(&[panorama], "beams meet a surface")
+        )
     }
 
     fn scene(&self) -> &Scene {

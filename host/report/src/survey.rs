@@ -68,11 +68,14 @@ impl SceneReport<'_> {
             ("town", if survey.towns > 1 { format!("{town} of {all}") } else { town.to_string() })
         });
         let apart = survey.least_apart_m().map(|least_m| format!("{} m", fixed(least_m, 2)));
+        let own = config.scanner.beams();
+        let aimed = own.aimed(&config.lidar.0).ok();
         let facts = [
             Some(("scene", config.scene.source.clone())),
             town,
             Some(("triangles", grouped(survey.place.scene.mesh.triangles.len()))),
             Some(("extent", format!("{} × {} × {} m", side(0), side(1), side(2)))),
+            aimed.map(|beams| ("beams", beams.pattern().to_string())),
             Some(("viewpoints", (2 * survey.pairs.len()).to_string())),
             Some(("pairs", format!("{train} training, {test} held-out"))),
             Some(("overlap, training", overlap(Split::Train))),

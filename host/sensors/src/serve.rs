@@ -19,13 +19,13 @@ const PIECE: usize = 16;
 
 /// Responses of a scene to a sensor at numbered viewpoints, from 1.
 pub trait Views: Send {
-    /// Response of a viewpoint to every beam that the sensor's settings can aim; `None` where there
-    /// is no such viewpoint.
-    fn view(&self, number: u32) -> Option<Arc<SceneResponse>>;
+    /// Response of a viewpoint to a beam that is steered to `cell`, and maybe to others; to all of
+    /// its beams where they are not steered. `None` where there is no such viewpoint.
+    fn view(&self, number: u32, cell: u32) -> Option<Arc<SceneResponse>>;
 }
 
 impl Views for Vec<Arc<SceneResponse>> {
-    fn view(&self, number: u32) -> Option<Arc<SceneResponse>> {
+    fn view(&self, number: u32, _: u32) -> Option<Arc<SceneResponse>> {
         self.get((number as usize).checked_sub(1)?).cloned()
     }
 }
@@ -42,8 +42,10 @@ pub struct Viewpoints {
     seed: u64,
     /// Noise of the request.
     noise: Option<ScanNoise>,
-    /// Viewpoint and seed that the front end shows.
-    showing: (u32, u64),
+    /// Cell that the beam is steered to; 0 of a beam that is not.
+    cell: u32,
+    /// Viewpoint, seed and cell that the front end shows.
+    showing: (u32, u64, u32),
 }
 
 impl Viewpoints {
@@ -51,8 +53,9 @@ impl Viewpoints {
     pub fn new(model: &Model, views: impl Views + 'static, seed: u64) -> Self {
         let nothing = Arc::new(SceneResponse::empty(model.pattern.beams()));
         let Model { pattern, hardware, .. } = *model;
-        let (views, front_end, showing) = (Box::new(views), model.front_end(), (0, seed));
-        Self { front_end, pattern, hardware, views, nothing, seed, noise: None, showing }
+        let (views, front_end, showing) = (Box::new(views), model.front_end(), (0, seed, 0));
+        let (noise, cell) = (None, 0);
+        Self { front_end, pattern, hardware, views, nothing, seed, noise, cell, showing }
     }
 
     /// Sensor with this front end and this machine's clock.
@@ -65,12 +68,13 @@ impl Viewpoints {
     }
 
     fn show(&mut self, number: u32, seed: u64) {
-        if self.showing == (number, seed) {
+        let showing = (number, seed, self.cell);
+        if self.showing == showing {
             return;
         }
-        let view = self.views.view(number).unwrap_or_else(|| Arc::clone(&self.nothing));
+        let view = self.views.view(number, self.cell).unwrap_or_else(|| Arc::clone(&self.nothing));
         self.front_end.look_at(view, seed);
-        self.showing = (number, seed);
+        self.showing = showing;
     }
 }
 
@@ -84,6 +88,7 @@ impl FrontEnd for Viewpoints {
     }
 
     fn steer(&mut self, cell: u32) {
+        self.cell = cell;
         self.front_end.steer(cell);
     }
 

@@ -43,9 +43,10 @@ impl Base {
     /// Evaluation as in the paper's Sec. 4.1, a search that minimises the error, then the changes.
     /// The strategy sets the number of training pairs, ten in the paper's.
     pub fn paper(changes: Vec<Override>) -> Self {
+        let beams = Override::flag("scanner.pattern", "grid"); // ±90°, the paper's
         let pairs = Override::flag("data.test_pairs", 100_i64);
         let objective = Override::flag("tune.objective", "error");
-        Self { overrides: [pairs, objective].into_iter().chain(changes).collect() }
+        Self { overrides: [beams, pairs, objective].into_iter().chain(changes).collect() }
     }
 
     /// [`Self::paper`] without changes, or with those of [`Self::quick`].

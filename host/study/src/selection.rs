@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn every_case_tuned_by_hand_has_valid_settings_of_its_own_in_both_ranges() {
-        let base = Base::default();
+        let base = Base::paper(Vec::new());
         let selection = Selection { by_hand: true, ..Selection::default() };
         let cells: Vec<Cell> =
             selection.cells().into_iter().filter(|cell| cell.by_hand.is_some()).collect();

@@ -33,6 +33,7 @@ fn town(kind: &str) -> (Dataset, Sensors) {
     let keys = [
         &format!("scene.source={kind}"),
         "scene.towns=[41]",
+        "scanner.pattern=grid",
         "scanner.columns=48",
         "scanner.rows=16",
         "data.train_pairs=3",

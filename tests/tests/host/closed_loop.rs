@@ -36,7 +36,9 @@ const HARDWARE: Hardware = Hardware::REFERENCE;
 
 fn config(more: &[&str]) -> RunConfig {
     let small = [
+        "scene.source=structured",
         "scene.towns=[1]",
+        "scanner.pattern=grid",
         "scanner.columns=48",
         "scanner.rows=16",
         "data.train_pairs=4",
@@ -57,10 +59,10 @@ const MOVING: &str = "seed=10";
 
 /// The paper's strategy on a small problem.
 fn paper(more: &[&str]) -> RunConfig {
-    let small =
-        ["scene.towns=[1]", "data.train_pairs=4", "data.test_pairs=3", "data.baseline_m=0.5"];
-    let grid = ["scanner.columns=48", "scanner.rows=16", "tune.strategy=paper"];
-    let texts = small.iter().chain(&grid).chain(more);
+    let small = ["scene.source=structured", "scene.towns=[1]", "data.baseline_m=0.5"];
+    let few = ["data.train_pairs=4", "data.test_pairs=3"];
+    let grid = ["scanner.pattern=grid", "scanner.columns=48", "scanner.rows=16"];
+    let texts = small.iter().chain(&few).chain(&grid).chain(&["tune.strategy=paper"]).chain(more);
     let overrides: Vec<_> = texts.map(|text| text.parse().expect("an override")).collect();
     load(None, &overrides).expect("a configuration")
 }

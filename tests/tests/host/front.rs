@@ -24,6 +24,7 @@ const POWER_UW: i32 = 20_000_000;
 static CONFIG: LazyLock<RunConfig> = LazyLock::new(|| {
     let small = [
         "scene.towns=[1]",
+        "scanner.pattern=grid",
         "scanner.columns=48",
         "scanner.rows=16",
         "data.train_pairs=3",

@@ -505,7 +505,7 @@ fn timing_jitter_spreads_ranges_by_half_the_distance_of_light() {
 
 /// Amplitude of each beam's echo, in scans of a wall by a small sensor with this configuration.
 fn scans(text: &str, count: u32) -> Vec<Vec<Option<f64>>> {
-    let text = format!("[scanner]\ncolumns = 12\nrows = 32\n{text}");
+    let text = format!("[scanner]\npattern = \"grid\"\ncolumns = 12\nrows = 32\n{text}");
     let config: RunConfig = toml::from_str(&text).unwrap();
     config.check().unwrap();
     let model = Model::from(&config);
@@ -581,6 +581,7 @@ fn place() -> Place {
 
 fn moving(motion: Motion) -> RunConfig {
     let mut config = RunConfig { motion, ..RunConfig::default() };
+    config.scanner = ScannerConfig::of("grid");
     (config.scanner.columns, config.scanner.rows) = (Some(60), Some(8));
     (config.scanner.azimuth_deg, config.scanner.elevation_deg) = (Some(90.0), Some(20.0));
     config.receiver.subrays = 1;

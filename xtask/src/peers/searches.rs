@@ -16,6 +16,7 @@ const SCRIPTS: [&str; 3] = ["pycma_search.py", "optuna_search.py", "nevergrad_se
 /// A small town, and axes of every kind: lengths, a choice, a count.
 const FLAGS: &[&str] = &[
     "--set=scene.towns=[1]",
+    "--set=scanner.pattern=grid",
     "--set=scanner.columns=48",
     "--set=scanner.rows=16",
     "--set=scanner.elevation_deg=60.0",

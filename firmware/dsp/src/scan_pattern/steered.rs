@@ -18,7 +18,7 @@ use crate::settings::{ParameterId, Settings};
 pub struct Steered {
     /// All cells: the field that the mount reaches, and its step.
     pub raster: Grid,
-    /// Time from one shot to the next, ns.
+    /// Least time from one shot to the next, ns. The shots of a scan are spread over its time.
     pub shot_ns: u32,
     /// Aim. What the settings leave out stays as it is here.
     pub aim: Aim,
@@ -55,17 +55,18 @@ pub struct Aim {
 const FRACTION: u32 = 22;
 
 impl Steered {
-    /// Reference mount: all around and 45° up and down in steps of 0.2°, a shot every 5 µs, and 312
-    /// × 64 beams over 360° × 60° ten times a second.
+    /// Reference mount: all around and 45° up and down in steps of 0.2°, at most a shot every 5 µs,
+    /// and ten times a second 200 × 32 beams over 360° × 40°, 10° down in the middle
+    /// (benches/record/aim.md).
     pub const REFERENCE: Self = Self {
         raster: Grid { columns: 1800, rows: 450, azimuth_cdeg: 36_000, elevation_cdeg: 9_000 },
         shot_ns: 5_000,
         aim: Aim {
-            columns: 312,
-            rows: 64,
+            columns: 200,
+            rows: 32,
             azimuth_cdeg: 36_000,
-            elevation_cdeg: 6_000,
-            tilt_cdeg: 0,
+            elevation_cdeg: 4_000,
+            tilt_cdeg: -1_000,
             azimuth_fovea_milli: 0,
             elevation_fovea_milli: 0,
             frame_us: 100_000,
@@ -135,7 +136,7 @@ impl Steered {
     /// shots than a scan has time for.
     pub fn aimed(&self, settings: &Settings) -> Result<Self, Refusal> {
         let aimed = Self { aim: self.aim.with(settings), ..*self };
-        let Aim { columns, rows, azimuth_cdeg, elevation_cdeg, tilt_cdeg, .. } = aimed.aim;
+        let Aim { azimuth_cdeg, elevation_cdeg, tilt_cdeg, .. } = aimed.aim;
         let refused = |field, value: i32, reason| Err(Refusal { field, value, reason });
         let (azimuths, elevations) = (aimed.azimuths(), aimed.elevations());
         for (id, span_cdeg, most_cdeg) in [
@@ -163,7 +164,6 @@ impl Steered {
             let reason = Reason::FrameTooShort { needed_us };
             return refused(ParameterId::FrameTime, aimed.aim.frame_us as i32, reason);
         }
-        debug_assert!(columns > 0 && rows > 0, "in range");
         Ok(aimed)
     }
 
@@ -350,8 +350,8 @@ mod tests {
     fn what_the_settings_leave_out_is_the_sensor_s_own() {
         let own = Steered::REFERENCE;
         assert_eq!(own.aimed(&Settings::default()), Ok(own));
-        let tilted = own.aimed(&aim(&[(ParameterId::Tilt, -500)])).unwrap();
-        assert_eq!(tilted.aim, Aim { tilt_cdeg: -500, ..own.aim });
+        let tilted = own.aimed(&aim(&[(ParameterId::Tilt, -1_500)])).unwrap();
+        assert_eq!(tilted.aim, Aim { tilt_cdeg: -1_500, ..own.aim });
         // A tilt moves every row by as much: 5° are 25 cells.
         assert_eq!(tilted.cell(0), [own.cell(0)[0], own.cell(0)[1] - 25]);
     }
@@ -377,7 +377,7 @@ mod tests {
                 &[(ElevationSpan, 7_000), (Tilt, 1_001)],
                 "tilt 10.01 ° is beyond the mount, which reaches 10°",
             ),
-            (&[(Tilt, -1_501)], "tilt -15.01 ° is beyond the mount, which reaches 15°"),
+            (&[(Tilt, -2_501)], "tilt -25.01 ° is beyond the mount, which reaches 25°"),
             (
                 &[(Columns, 301), (AzimuthSpan, 6_000)],
                 "columns 301 beams are finer than the mount's step of 0.2° \
@@ -389,7 +389,7 @@ mod tests {
                  (lower it or the foveation, or widen the span)",
             ),
             (
-                &[(Shots, 2), (Columns, 192), (FrameTime, 122_879)],
+                &[(Shots, 2), (Columns, 384), (FrameTime, 122_879)],
                 "frame_time 122.879 ms is shorter than the shots of a scan, 122.88 ms",
             ),
         ] {
@@ -398,7 +398,7 @@ mod tests {
         let last = [
             &[(ElevationSpan, 7_000), (Tilt, 1_000)][..],
             &[(Columns, 300), (AzimuthSpan, 6_000)],
-            &[(Shots, 2), (Columns, 192), (FrameTime, 122_880)],
+            &[(Shots, 2), (Columns, 384), (FrameTime, 122_880)],
         ];
         assert!(last.iter().all(|set| Steered::REFERENCE.aimed(&aim(set)).is_ok()));
     }

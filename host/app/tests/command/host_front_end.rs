@@ -21,6 +21,8 @@ use serialport::TTYPort;
 const HOST: [&str; 2] = ["--front-end", "host"];
 
 /// Few beams, and pairs enough to compare.
+const GRID: [&str; 2] = ["--set", "scanner.pattern=grid"];
+
 const FEW: [&str; 12] = [
     "-q",
     "--json",
@@ -228,7 +230,7 @@ fn a_board_of_another_converter_range_or_pattern_is_refused_with_both_values() {
     ];
     for (hardware, pattern, room, parts) in table {
         for command in ["scan", "evaluate", "tune"] {
-            let asked = [&[command], &HOST[..]].concat();
+            let asked = [&[command], &HOST[..], &GRID].concat();
             let output = ask_a_liar_about("liar", (hardware, pattern), room, &asked);
             assert_eq!(output.code, Some(2), "{command}: {}", output.stderr);
             for part in parts.iter().chain(&["serial:/dev/"]) {
@@ -237,7 +239,7 @@ fn a_board_of_another_converter_range_or_pattern_is_refused_with_both_values() {
         }
     }
     // A front end of its own may be what it is.
-    let output = ask_a_liar_about("liar", (bits, grid), enough, &["scan"]);
+    let output = ask_a_liar_about("liar", (bits, grid), enough, &[&["scan"], &GRID[..]].concat());
     assert!(!output.stderr.contains("adc_bits"), "{}", output.stderr);
 }
 
@@ -246,7 +248,8 @@ fn a_board_of_too_little_memory_is_refused_with_what_it_has_and_what_it_takes() 
     for codes in [0, 1_024, MAX_CODES as u32 - 1] {
         let hardware = (Hardware::REFERENCE, ScanPattern::default());
         let room = Room { codes, frames: 3 };
-        let output = ask_a_liar_about("liar", hardware, room, &[&["evaluate"], &HOST[..]].concat());
+        let asked = [&["evaluate"], &HOST[..], &GRID].concat();
+        let output = ask_a_liar_about("liar", hardware, room, &asked);
         assert_eq!(output.code, Some(2), "{}", output.stderr);
         let said = format!("memory for waveforms of {codes} codes; they have up to 2528");
         assert!(output.stderr.contains(&said), "{}", output.stderr);

@@ -19,8 +19,9 @@ use echoloop_sensors::sensor::{Model, Sensor, SensorError, Sensors};
 use echoloop_sensors::serve::Viewpoints;
 use echoloop_sensors::transport::InProcess;
 
-const SMALL: [&str; 9] = [
+const SMALL: [&str; 10] = [
     "scene.towns=[1]",
+    "scanner.pattern=grid",
     "scanner.columns=48",
     "scanner.rows=16",
     "data.train_pairs=4",

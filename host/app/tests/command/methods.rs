@@ -10,8 +10,8 @@ use serde_json::Value;
 /// the motion between them.
 fn scans(fixture: &Fixture) -> Pose {
     let set = "data.train_pairs=1 data.test_pairs=1 data.baseline_m=8 data.heading_range_deg=180 \
-               scene.towns=[1] scanner.azimuth_deg=360 scanner.columns=720 scanner.rows=64 \
-               scanner.elevation_deg=60";
+               scene.towns=[1] scanner.pattern=grid scanner.azimuth_deg=360 scanner.columns=720 \
+               scanner.rows=64 scanner.elevation_deg=60";
     let mut arguments = vec!["pairs", "-q", "-o", "scans", "--seed", "5"];
     arguments.extend(set.split_whitespace().flat_map(|set| ["--set", set]));
     fixture.succeed(&arguments);

@@ -24,7 +24,7 @@ fn every_pattern_scans_the_default_scene() {
     fs::write(fixture.path("mine.csv"), table()).expect("a file");
     for (pattern, own, beams) in [
         ("raster", "scanner.columns=96", 96 * 64),
-        ("steered", "scanner.columns=60", 60 * 64),
+        ("steered", "scanner.columns=60", 60 * 32),
         ("vlp-16", "scanner.columns=90", 90 * 16),
         ("vlp-32c", "scanner.columns=60", 60 * 32),
         ("vls-128", "scanner.columns=30", 30 * 128),
@@ -105,7 +105,10 @@ fn an_aim_that_the_mount_or_the_budget_does_not_allow_is_refused_with_the_bound(
         ("lidar.azimuth_span=0.5", "azimuth_span 0.5 ° is below its minimum 1 °"),
         ("lidar.rows=0", "rows 0 beams is below its minimum 1"),
         ("lidar.columns=2000", "columns 2000 beams are finer than the mount's step of 0.2°"),
-        ("lidar.frame_time=200", "time of a scan: 200.0000 ms are used, and the budget has 100"),
+        (
+            "lidar.frame_time=200",
+            "time of a scan: 200.0000 ms are used, and budget.frame_ms allows 100",
+        ),
         ("lidar.power=75", "energy of a pulse: 375.0000 nJ are used"),
     ] {
         tune(&["--set", set], &[said]);
@@ -113,9 +116,9 @@ fn an_aim_that_the_mount_or_the_budget_does_not_allow_is_refused_with_the_bound(
     let many = ["--set", "lidar.columns=300", "--set", "lidar.rows=64"];
     let soon = [&many[..], &["--set", "lidar.frame_time=90"]].concat();
     tune(&soon, &["frame_time 90 ms is shorter than the shots of a scan, 96 ms"]);
-    tune(&["--budget", "shots_per_s=1"], &["shots a second", "the budget has 1.0000"]);
-    tune(&["--budget", "none,light_mw=0.001"], &["light", "the budget has 0.0010"]);
-    tune(&["--budget", "watts=3"], &["--budget watts=3: expected none, mid-360, or KEY=VALUE"]);
+    tune(&["--budget", "shots_per_s=1"], &["shots a second", "budget.shots_per_s allows 1.0000"]);
+    tune(&["--budget", "none,light_mw=0.001"], &["light", "budget.light_mw allows 0.0010"]);
+    tune(&["--budget", "watts=3"], &["--budget watts=3: expected none, unitree-l2, mid-360, or"]);
     tune(&["--budget", "light_mw=-1"], &["budget.light_mw", "0 to 10000"]);
     let grid = ["tune", "-c", "small.toml"];
     let aim = "tune.lidar = aim: the scan pattern is not steered";

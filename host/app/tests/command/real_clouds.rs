@@ -6,11 +6,13 @@ use std::collections::BTreeSet;
 use crate::fixture::Fixture;
 use serde_json::Value;
 
-const SHARED: [&str; 12] = [
+const SHARED: [&str; 14] = [
     "--seed",
     "3",
     "--set",
     "scene.towns=[1]",
+    "--set",
+    "scanner.pattern=grid",
     "--set",
     "scanner.columns=48",
     "--set",

@@ -119,6 +119,8 @@ fn a_town_on_the_roads_of_a_file_is_scanned() {
             "--set",
             "scene.dressing=semi-structured",
             "--set",
+            "scanner.pattern=grid",
+            "--set",
             "scanner.columns=48",
             "-o",
             "cloud.ply",

@@ -185,9 +185,9 @@ fn a_board_of_another_pattern_is_refused_with_both() {
     let table = ScanPattern::Table(BeamTable { beams: 2, channels: 2, hash: 0x1234 });
     for (theirs, ours, parts) in [
         (vlp, "scanner.pattern=os1-64", ["1808 × 16 of a Vlp16", "1024 × 64 of a Os1x64"]),
-        (ScanPattern::Rosette(Rosette::MID_40), "seed=1", ["10000 of a rosette", "192 × 64 over"]),
+        (ScanPattern::Rosette(Rosette::MID_40), "seed=1", ["10000 of a rosette", "200 × 32 over"]),
         (table, &mine, ["(2 channels, hash 0x00001234)", "2 of a table (2 channels, hash 0x"]),
-        (ScanPattern::Raster(Grid::default()), "seed=1", ["line by line", "192 × 64 over"]),
+        (ScanPattern::Raster(Grid::default()), "seed=1", ["line by line", "200 × 32 over"]),
     ] {
         let output = ask_a_liar("liar", theirs, &["scan", "--set", ours]);
         assert_eq!(output.code, Some(2), "{}", output.stderr);

@@ -110,6 +110,7 @@ fn vehicles_drive_on_between_the_scans_of_a_pair_and_nothing_else_does() {
     let pairs = |interval_s: &str| {
         let sets = [
             "scene.source=old-town",
+            "scanner.pattern=grid",
             "scanner.columns=90",
             "scanner.rows=8",
             "scanner.azimuth_deg=360",

@@ -37,23 +37,29 @@ impl Default for Budget {
 }
 
 impl Budget {
-    /// Budget of a sensor on sale, the Livox Mid-360 by its data sheet: class 1 at 905 nm, 200,000
-    /// points a second at 10 Hz, 100BASE-TX. One converter of 1 GS/s (AD9094, of Analog Devices'
-    /// LiDAR kit) reads 0.8 µs for each point. The light is that of the paper's sensor here, 75 W
-    /// for 5 ns 122,880 times a second, as no data sheet states its own.
-    pub const MID_360: Self = Self {
+    /// Budget of a sensor on sale, the Unitree 4D LiDAR L2 by its data sheet: class 1, 64,000
+    /// points a second over 360° × 96°, Ethernet. One converter of 1 GS/s (AD9094, of Analog
+    /// Devices' LiDAR kit) reads 0.8 µs for each point. The light is that of the paper's pulses,
+    /// 75 W for 5 ns, as no data sheet states its own.
+    pub const UNITREE_L2: Self = Self {
         class_1: true,
-        light_mw: 46.08,
-        shots_per_s: 200_000.0,
-        msamples_per_s: 160.0,
+        light_mw: 24.0,
+        shots_per_s: 64_000.0,
+        msamples_per_s: 51.2,
         mbit_per_s: 100.0,
         ..Self::NONE
     };
+
+    /// Budget of the Livox Mid-360 by its data sheet, else as [`Self::UNITREE_L2`]: class 1 at
+    /// 905 nm, 200,000 points a second over 360° × 59°, 100BASE-TX.
+    pub const MID_360: Self =
+        Self { light_mw: 75.0, shots_per_s: 200_000.0, msamples_per_s: 160.0, ..Self::UNITREE_L2 };
 
     /// Budget of that name.
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "none" => Some(Self::NONE),
+            "unitree-l2" => Some(Self::UNITREE_L2),
             "mid-360" => Some(Self::MID_360),
             _ => None,
         }
@@ -71,7 +77,7 @@ impl Budget {
     };
 
     /// Time of a scan, s, by a pattern with its aim.
-    fn frame_s(&self, pattern: &ScanPattern) -> f64 {
+    pub(crate) fn frame_s(&self, pattern: &ScanPattern) -> f64 {
         match pattern.duration_s() {
             0.0 => self.frame_ms / 1e3,
             own => own,
@@ -84,8 +90,6 @@ impl Budget {
         let shots_per_s = f64::from(pattern.beams()) * f64::from(settings.shots) / frame_s;
         let pulse_pj = pulse_energy_pj(settings.power_uw, settings.pulse_width_ps);
         let pulse_j = f64::from(pulse_pj) * 1e-12;
-        let samples = f64::from(settings.bins) + f64::from(settings.pre_trigger_samples());
-        let beam_bits = BITS_A_BEAM + BITS_AN_ECHO * f64::from(settings.echoes);
         let wavelength_nm = self.wavelength_nm;
         Usage {
             is_steered: matches!(pattern, ScanPattern::Steered(_)),
@@ -95,8 +99,8 @@ impl Budget {
                 * eye_safety::class_1_pulse_j(wavelength_nm, pattern, settings, frame_s),
             light_mw: 1e3 * pulse_j * shots_per_s,
             shots_per_s,
-            msamples_per_s: 1e-6 * samples * shots_per_s,
-            mbit_per_s: 1e-6 * beam_bits * f64::from(pattern.beams()) / frame_s,
+            msamples_per_s: 1e-6 * samples_a_shot(settings) * shots_per_s,
+            mbit_per_s: 1e-6 * bits_a_beam(settings) * f64::from(pattern.beams()) / frame_s,
         }
     }
 
@@ -122,19 +126,28 @@ impl Budget {
         ((1e3 * most_nj) as u32).min(hardware.energy_limit_pj) // `as` saturates
     }
 
-    /// Beams of a scan of `frame_s` that the counts allow, with these shots, samples and echoes.
-    pub(crate) fn most_beams(&self, settings: &Settings, frame_s: f64) -> f64 {
-        let (shots, echoes) = (f64::from(settings.shots), f64::from(settings.echoes));
-        let samples = f64::from(settings.bins) + f64::from(settings.pre_trigger_samples());
+    /// Beams of a scan of `frame_s` that shots, samples and bits allow, in this order.
+    pub(crate) fn most_beams(&self, settings: &Settings, frame_s: f64) -> [f64; 3] {
+        let shots = f64::from(settings.shots);
         let most = |limit: f64, of_beam: f64| match limit {
             0.0 => f64::INFINITY,
             limit => limit * frame_s / of_beam,
         };
-        let light = most(self.shots_per_s, shots);
-        let samples = most(1e6 * self.msamples_per_s, shots * samples);
-        let bits = most(1e6 * self.mbit_per_s, BITS_A_BEAM + BITS_AN_ECHO * echoes);
-        light.min(samples).min(bits)
+        [
+            most(self.shots_per_s, shots),
+            most(1e6 * self.msamples_per_s, shots * samples_a_shot(settings)),
+            most(1e6 * self.mbit_per_s, bits_a_beam(settings)),
+        ]
     }
+}
+
+fn samples_a_shot(settings: &Settings) -> f64 {
+    f64::from(settings.bins) + f64::from(settings.pre_trigger_samples())
+}
+
+/// Bits of a beam on the link if it has as many echoes as are kept.
+fn bits_a_beam(settings: &Settings) -> f64 {
+    BITS_A_BEAM + BITS_AN_ECHO * f64::from(settings.echoes)
 }
 
 /// Rounding of a limit in the check.
@@ -169,6 +182,8 @@ pub struct Usage {
 /// One limit of a budget and its use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
+    /// Key of the limit.
+    pub key: &'static str,
     /// Name, to be read.
     pub name: &'static str,
     /// Unit.
@@ -182,7 +197,8 @@ pub struct Row {
 impl Usage {
     /// Limits of a budget and the use of each.
     pub fn rows(&self, budget: &Budget) -> [Row; 6] {
-        let row = |name, unit, used, limit: f64| Row {
+        let row = |key, name, unit, used, limit: f64| Row {
+            key,
             name,
             unit,
             used,
@@ -191,12 +207,24 @@ impl Usage {
         let class_1_nj = if budget.class_1 { self.class_1_nj } else { 0.0 };
         let frame_ms = if self.is_steered { budget.frame_ms } else { 0.0 };
         [
-            row("time of a scan", "ms", self.frame_ms, frame_ms),
-            row("energy of a pulse", "nJ", self.pulse_nj, class_1_nj),
-            row("light", "mW", self.light_mw, budget.light_mw),
-            row("shots a second", "1/s", self.shots_per_s, budget.shots_per_s),
-            row("samples a second", "10⁶/s", self.msamples_per_s, budget.msamples_per_s),
-            row("bits a second", "Mbit/s", self.mbit_per_s, budget.mbit_per_s),
+            row("budget.frame_ms", "time of a scan", "ms", self.frame_ms, frame_ms),
+            row("budget.class_1", "energy of a pulse", "nJ", self.pulse_nj, class_1_nj),
+            row("budget.light_mw", "light", "mW", self.light_mw, budget.light_mw),
+            row(
+                "budget.shots_per_s",
+                "shots a second",
+                "1/s",
+                self.shots_per_s,
+                budget.shots_per_s,
+            ),
+            row(
+                "budget.msamples_per_s",
+                "samples a second",
+                "10⁶/s",
+                self.msamples_per_s,
+                budget.msamples_per_s,
+            ),
+            row("budget.mbit_per_s", "bits a second", "Mbit/s", self.mbit_per_s, budget.mbit_per_s),
         ]
     }
 }
@@ -207,9 +235,9 @@ pub struct Exceeded(pub Row);
 
 impl fmt::Display for Exceeded {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Row { name, unit, used, limit } = self.0;
+        let Row { key, name, unit, used, limit } = self.0;
         let limit = limit.unwrap_or(f64::INFINITY);
-        write!(f, "{name}: {used:.4} {unit} are used, and the budget has {limit:.4}")
+        write!(f, "{name}: {used:.4} {unit} are used, and {key} allows {limit:.4}")
     }
 }
 
@@ -239,7 +267,10 @@ mod tests {
         steered.aim.frame_us = 100_001;
         let exceeded = Budget::NONE.exceeded(&ScanPattern::Steered(steered), &Settings::default());
         let said = exceeded.map(|exceeded| exceeded.to_string()).unwrap_or_default();
-        assert_eq!(said, "time of a scan: 100.0010 ms are used, and the budget has 100.0000");
+        assert_eq!(
+            said,
+            "time of a scan: 100.0010 ms are used, and budget.frame_ms allows 100.0000"
+        );
     }
 
     #[test]
@@ -251,7 +282,7 @@ mod tests {
         let none = Budget::NONE;
         assert_eq!(
             check(Budget { light_mw: 46.0, ..none }),
-            "light: 46.0800 mW are used, and the budget has 46.0000"
+            "light: 46.0800 mW are used, and budget.light_mw allows 46.0000"
         );
         assert_eq!(check(Budget { light_mw: 46.08, ..none }), "");
         assert!(check(Budget { class_1: true, ..none }).starts_with("energy of a pulse: 375"));

@@ -188,6 +188,15 @@ fn other_defaults(
             }
         }
     }
+    // One that every other pattern has is named once.
+    let is_of_pattern = |choice: &&String| choice.starts_with("scanner.pattern =");
+    let patterns = others.iter().map(|(choice, _)| choice).filter(is_of_pattern).count();
+    for other in &mut found {
+        if other.with.iter().filter(is_of_pattern).count() == patterns {
+            other.with.retain(|choice| !is_of_pattern(&choice));
+            other.with.push("scanner.pattern = any other".into());
+        }
+    }
     found
 }
 
@@ -235,6 +244,7 @@ mod tests {
         match (key, when) {
             ("tune.extended_to", _) => vec!["tune.generations=1"],
             ("scanner.beams", _) => vec!["scanner.pattern=livox-mid-40"],
+            (key, _) if key.starts_with("scanner.") => vec!["scanner.pattern=grid"],
             (_, Some("in fog")) => vec!["weather.kind=fog"],
             (_, Some("in rain")) => vec!["weather.kind=rain"],
             (_, Some("in snow")) => vec!["weather.kind=wet-snow"],

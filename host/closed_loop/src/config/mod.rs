@@ -20,7 +20,7 @@ mod weights;
 
 use std::path::PathBuf;
 
-use echoloop_dsp::{Hardware, ScanPattern};
+use echoloop_dsp::Hardware;
 use echoloop_files::one_line;
 use echoloop_frontend::{Receiver, Weather};
 use echoloop_parameters::Refused;
@@ -29,6 +29,7 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::budget::Budget;
 use crate::config::preset::LidarPreset;
+use crate::dataset::source::Source;
 use crate::parameters::Device;
 pub use axes::{AxisChoice, OwnAxes};
 pub use data::DataConfig;
@@ -50,7 +51,7 @@ pub use weights::Weights;
 /// Everything a run depends on. The same configuration gives the same result, on any number of
 /// threads.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default = "RunConfig::left_out")]
 pub struct RunConfig {
     /// Seed of every random choice.
     pub seed: u64,
@@ -82,8 +83,20 @@ pub struct RunConfig {
     pub motion: Motion,
 }
 
+/// A configuration without keys.
 impl Default for RunConfig {
     fn default() -> Self {
+        let mut config = Self { budget: Budget::UNITREE_L2, ..Self::left_out() };
+        for (id, value) in load::STEERED {
+            config.lidar.0.set(id, Some(id.parameter().to_code(value)));
+        }
+        config
+    }
+}
+
+impl RunConfig {
+    /// Every key left out. Those that depend on others are filled in later ([`load`]).
+    fn left_out() -> Self {
         Self {
             seed: 1,
             scene: SceneConfig::default(),
@@ -139,19 +152,31 @@ impl RunConfig {
         Device { hardware, pattern, budget: self.budget }
     }
 
-    /// Refuses the search of an aim that there is none of, or of pairs that have but one.
+    /// True of pairs whose beams do not follow the settings: recorded or stored ones.
+    pub fn has_one_aim(&self) -> bool {
+        !self.scene.stored.is_empty()
+            || matches!(Source::of(&self.scene.source), Source::Recording(_))
+    }
+
+    /// Refuses a steered sensor in a recording, and the search of an aim that there is none of.
     fn check_aim(&self) -> Result<(), Refused> {
-        let is_steered = matches!(self.scanner.pattern(), ScanPattern::Steered(_));
-        let refused = |problem: &str| {
-            let key = "tune.lidar";
-            Err(Refused { key, value: self.tune.lidar.name().into(), problem: problem.into() })
+        let is_steered = self.device().steered().is_some();
+        let refused = |key, value: &str, problem: &str| {
+            Err(Refused { key, value: value.into(), problem: problem.into() })
         };
-        match self.tune.lidar {
-            LidarPreset::Aim if !is_steered => {
-                refused(": the scan pattern is not steered (scanner.pattern = steered)")
-            }
-            LidarPreset::Aim if !self.scene.stored.is_empty() => {
-                refused(": stored pairs have the beams of one aim")
+        let (aim, is_recorded) = (self.tune.lidar, self.has_one_aim());
+        if is_steered && is_recorded && self.scene.stored.is_empty() {
+            let problem = ": recorded scans have beams of their own";
+            return refused("scanner.pattern", "steered", problem);
+        }
+        match aim {
+            LidarPreset::Aim if !is_steered => refused(
+                "tune.lidar",
+                aim.name(),
+                ": the scan pattern is not steered (scanner.pattern = steered)",
+            ),
+            LidarPreset::Aim if is_recorded => {
+                refused("tune.lidar", aim.name(), ": stored pairs have the beams of one aim")
             }
             _ => Ok(()),
         }

@@ -3,7 +3,9 @@
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use echoloop_dsp::{Aim, Grid, Rosette, ScanPattern, Spinning, SpinningModel, Steered};
+use echoloop_dsp::{
+    Aim, Grid, ParameterId, Rosette, ScanPattern, Settings, Spinning, SpinningModel, Steered,
+};
 use echoloop_files::one_line;
 use echoloop_parameters::{Bounds, Refused, section};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -135,7 +137,7 @@ impl ScannerConfig {
     /// The section with every key left out.
     fn left_out() -> Self {
         Self {
-            pattern: "grid".into(),
+            pattern: "steered".into(),
             columns: None,
             rows: None,
             azimuth_deg: None,
@@ -202,6 +204,11 @@ impl ScannerConfig {
         }
     }
 
+    /// Its beams, of a section whose values are as they must be.
+    pub fn checked_beams(&self) -> Option<Beams> {
+        self.check().ok().map(|()| self.beams())
+    }
+
     /// The table, of a pattern that is one.
     pub fn list(&self) -> Option<&Arc<BeamList>> {
         self.read().as_ref().ok()
@@ -229,7 +236,10 @@ impl ScannerConfig {
     fn steered(&self) -> Steered {
         let Grid { columns, rows, azimuth_cdeg, elevation_cdeg } = self.grid();
         let own = Steered::REFERENCE;
-        let aim = Aim { columns, rows, azimuth_cdeg, elevation_cdeg, ..own.aim };
+        // Less of a tilt where the span leaves no room for it.
+        let room_cdeg = own.raster.elevation_cdeg.saturating_sub(elevation_cdeg) / 2;
+        let tilt_cdeg = own.aim.tilt_cdeg.max(-(room_cdeg as i16)); // 45° at most
+        let aim = Aim { columns, rows, azimuth_cdeg, elevation_cdeg, tilt_cdeg, ..own.aim };
         Steered { aim, ..own }
     }
 
@@ -240,8 +250,24 @@ impl ScannerConfig {
         self.check_keys()?;
         match (kind, self.read()) {
             (Kind::Table, Err(reason)) => Err(self.table(reason)),
+            (Kind::Steered, _) => self.check_own_aim(),
             _ => Ok(()),
         }
+    }
+
+    /// Refuses an own aim that the mount does not have, by the key that gives it.
+    fn check_own_aim(&self) -> Result<(), Refused> {
+        let own = self.steered();
+        let Err(refusal) = own.aimed(&Settings::default()) else { return Ok(()) };
+        let (number, value) = match refusal.field {
+            ParameterId::Rows => (2, self.rows.map(f64::from)),
+            ParameterId::AzimuthSpan => (3, self.azimuth_deg),
+            ParameterId::ElevationSpan => (4, self.elevation_deg),
+            // Too fine for the mount, or too many for the time of a scan.
+            _ => (1, self.columns.map(f64::from)),
+        };
+        let value = value.unwrap_or_default().to_string();
+        Err(Refused { key: Self::KEYS[number].key, value, problem: format!(": {refusal}") })
     }
 
     fn unknown(&self) -> Refused {
@@ -314,7 +340,7 @@ mod tests {
         let expected = [
             ("grid", 12_288),
             ("raster", 12_288),
-            ("steered", 19_968),
+            ("steered", 6_400),
             ("vlp-16", 28_928),
             ("vlp-32c", 57_856),
             ("vls-128", 240_128),
@@ -345,7 +371,7 @@ mod tests {
                 "pattern = \"a.csv\"\nelevation_deg = 9",
                 "scanner.elevation_deg = 9 must be left out",
             ),
-            ("beams = 5", "scanner.beams = 5 must be left out: a pattern \"grid\" has none"),
+            ("beams = 5", "scanner.beams = 5 must be left out: a pattern \"steered\" has none"),
             ("pattern = \"os1-64\"\ncolumns = 4097", "scanner.columns = 4097 must be 1 to 4096"),
             ("pattern = \"livox-mid-40\"\nbeams = 0", "scanner.beams = 0 must be 1 to 131072"),
             ("pattern = \"raster\"\nrows = 0", "scanner.rows = 0 must be 1 to 1024"),
@@ -355,6 +381,22 @@ mod tests {
             let fault = fault(text);
             assert!(fault.starts_with(said), "{text}: {fault}");
         }
+    }
+
+    #[test]
+    fn an_own_aim_that_the_mount_does_not_have_is_refused_by_its_key() {
+        for (text, said) in [
+            ("elevation_deg = 91", "scanner.elevation_deg = 91: elevation_span 91 ° is beyond"),
+            ("rows = 201", "scanner.rows = 201: rows 201 beams are finer than the mount's step"),
+            ("columns = 626", "scanner.columns = 626: frame_time 100 ms is shorter than"),
+        ] {
+            let fault = fault(text);
+            assert!(fault.starts_with(said), "{text}: {fault}");
+        }
+        // Less tilt where the span leaves no room for the usual one.
+        let wide = of("elevation_deg = 80");
+        wide.check().unwrap();
+        assert_eq!(wide.pattern().to_string(), "200 × 32 over 360° × 80° about -5°");
     }
 
     #[test]

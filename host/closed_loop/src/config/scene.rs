@@ -50,7 +50,7 @@ section! {
 impl Default for SceneConfig {
     fn default() -> Self {
         Self {
-            source: "structured".into(),
+            source: "semi-structured".into(),
             towns: vec![1, 2, 3],
             ground: "auto".into(),
             tags: Tags::NAMES[0].into(),

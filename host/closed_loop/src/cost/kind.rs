@@ -52,8 +52,10 @@ impl CostKind {
     /// for each may change the number of echoes.
     pub fn changed_by(self) -> &'static [&'static str] {
         match self {
-            Self::Energy => &["lidar.power", "lidar.pulse_width", "lidar.shots"],
-            Self::Seconds => &["lidar.shots"],
+            Self::Energy => {
+                &["lidar.power", "lidar.pulse_width", "lidar.shots", "lidar.columns", "lidar.rows"]
+            }
+            Self::Seconds => &["lidar.shots", "lidar.frame_time"],
             Self::Instructions | Self::Bits => &[],
         }
     }

@@ -45,7 +45,7 @@ pub struct Scanner {
     pub hardware: Hardware,
     /// Scan pattern, which the settings may aim.
     pub pattern: ScanPattern,
-    /// Duration of a scan by its motion, s; 0 where that is open.
+    /// Duration of a scan by its motion, s; 0 where that is open. A steered sensor has its own.
     pub duration_s: f64,
 }
 
@@ -87,7 +87,10 @@ impl Scanner {
     fn seconds(&self, settings: &Settings) -> f64 {
         let range_max_m = f64::from(self.hardware.range_max_mm) / 1e3;
         let shot_s = 2.0 * range_max_m / SPEED_OF_LIGHT_M_S as f64;
-        let duration_s = self.aimed(settings).duration_s().max(self.duration_s);
+        let duration_s = match self.aimed(settings) {
+            ScanPattern::Steered(steered) => f64::from(steered.aim.frame_us) / 1e6,
+            pattern => pattern.duration_s().max(self.duration_s),
+        };
         (self.shots(settings) * shot_s).max(duration_s)
     }
 

@@ -472,7 +472,7 @@ mod tests {
 
     #[test]
     fn a_town_without_room_for_more_pairs_gives_those_that_it_has_room_for() {
-        let mut config = config(&[]);
+        let mut config = config(&["scene.source=structured"]);
         let town = towns(&config)[0];
         let place = place(&config, town).unwrap();
         let sight = sight(&place, &config.scanner.beams());

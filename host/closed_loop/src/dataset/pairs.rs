@@ -80,8 +80,8 @@ impl Dataset {
 
 /// Viewpoints to serve, whatever the aim.
 impl Views for Dataset {
-    fn view(&self, number: u32) -> Option<Arc<SceneResponse>> {
+    fn view(&self, number: u32, cell: u32) -> Option<Arc<SceneResponse>> {
         let index = (number as usize).checked_sub(1)?;
-        Some(self.responses().nth(index)?.to_all(&self.beams))
+        Some(self.responses().nth(index)?.to_cell(&self.beams, cell))
     }
 }

@@ -31,11 +31,11 @@ impl Response {
         }
     }
 
-    /// Response to every beam that settings can aim: those of `beams`, or all cells of the raster.
-    /// A moving sensor sees each aim from places of its own; it has that of `beams` alone.
-    pub fn to_all(&self, beams: &Beams) -> Arc<SceneResponse> {
+    /// Response to a beam that is steered to a cell of the raster; to all of `beams` where they are
+    /// not steered. A moving sensor sees each aim from places of its own; it has that of `beams`.
+    pub fn to_cell(&self, beams: &Beams, cell: u32) -> Arc<SceneResponse> {
         match self {
-            Self::Steered(raster) if !raster.view.moves() => Arc::new(raster.to_all()),
+            Self::Steered(raster) if !raster.view.moves() => Arc::new(raster.to_cells(vec![cell])),
             _ => self.to(beams),
         }
     }
@@ -69,17 +69,12 @@ impl Raster {
         if self.view.moves() {
             return self.view.response(beams);
         }
-        let cells = beams.cells();
-        self.trace(&cells);
-        self.locked().of(cells)
+        self.to_cells(beams.cells())
     }
 
-    /// All cells, traced anew: kept, they would take up 40 MB a viewpoint.
-    fn to_all(&self) -> SceneResponse {
-        let Grid { columns, rows, .. } = self.raster;
-        let column = |column: u32| (0..u32::from(rows)).map(move |row| (column << 16) | row);
-        let cells: Vec<u32> = (0..columns.into()).flat_map(column).collect();
-        SceneResponse { cells: cells.clone(), ..self.look(&cells) }
+    fn to_cells(&self, cells: Vec<u32>) -> SceneResponse {
+        self.trace(&cells);
+        self.locked().of(cells)
     }
 
     /// Traces the cells that are missing.
@@ -185,20 +180,19 @@ mod tests {
     }
 
     #[test]
-    fn what_is_served_holds_the_response_of_every_aim() {
+    fn what_is_served_is_traced_when_a_beam_asks_for_it() {
         let small = ["scanner.pattern=steered", "scanner.columns=12", "scanner.rows=6"];
         let pairs = ["data.train_pairs=1", "data.test_pairs=1", "data.check_pairs=0"];
         let config = configured(&[&small[..], &pairs[..]].concat());
         let dataset = Dataset::build(&config, &|_, _| ()).unwrap();
-        let all = dataset.view(1).unwrap();
-        assert_eq!(all.len(), 1800 * 450);
         let settings = aim(&[(ParameterId::AzimuthSpan, 9_000), (ParameterId::Tilt, 1_500)]);
         let beams = dataset.beams.aimed(&settings).unwrap();
         let own = dataset.train[0].first.to(&beams);
         for (beam, cell) in beams.cells().into_iter().enumerate() {
-            assert_eq!(all.at(beam, cell), own.at(beam, cell), "{cell:#x}");
+            let served = dataset.view(1, cell).unwrap();
+            assert_eq!(served.at(beam, cell), own.at(beam, cell), "{cell:#x}");
         }
-        assert!(dataset.view(0).is_none() && dataset.view(5).is_none());
+        assert!(dataset.view(0, 0).is_none() && dataset.view(5, 0).is_none());
     }
 
     #[test]

@@ -393,8 +393,11 @@ mod tests {
     use super::*;
 
     fn config(more: &[&str]) -> RunConfig {
-        let small = ["scene.towns=[1]", "scanner.columns=24", "scanner.rows=8"];
-        configured(&[&small[..], &["data.train_pairs=2", "data.test_pairs=1"], more].concat())
+        let scene = ["scene.source=structured", "scene.towns=[1]", "scanner.pattern=grid"];
+        let small = ["scanner.columns=24", "scanner.rows=8"];
+        configured(
+            &[&scene[..], &small, &["data.train_pairs=2", "data.test_pairs=1"], more].concat(),
+        )
     }
 
     fn load(bytes: &[u8], config: &RunConfig) -> Result<Dataset, String> {

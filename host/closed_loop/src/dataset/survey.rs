@@ -3,6 +3,7 @@
 use echoloop_sim::scene::Scene;
 use echoloop_sim::viewpoint::Split;
 
+use crate::beams::Beams;
 use crate::checksum::{Checksum, Running};
 use crate::config::RunConfig;
 use crate::dataset::source::Source;
@@ -11,6 +12,7 @@ use crate::dataset::{
     towns, viewpoints,
 };
 use echoloop_clouds::pose::{Pose, relative, to_rows};
+use nalgebra::Vector3;
 
 /// Town of a configuration.
 pub struct Survey {
@@ -88,6 +90,23 @@ impl Survey {
         }
         let town = is_generated.then_some(town);
         Ok(Self { place, town, towns: seeds.len(), pairs, missing })
+    }
+
+    /// Beams of the first viewpoint as the settings aim them, and the points of the scene that they
+    /// meet, in the sensor's frame, m. `None` without a viewpoint, and of an aim that the pattern
+    /// refuses.
+    pub fn first_scan(&self, config: &RunConfig) -> Option<(Beams, Vec<Vector3<f64>>)> {
+        let world_from_sensor = self.pairs.first()?.world_from_sensor[0];
+        let beams = config.scanner.beams().aimed(&config.lidar.0).ok()?.into_owned();
+        let origin = world_from_sensor.translation.vector.cast::<f32>().into();
+        let met = |direction: &Vector3<f32>| {
+            let direction = direction.cast::<f64>();
+            let ahead = (world_from_sensor.rotation * direction).cast::<f32>();
+            let hit = self.place.caster.cast(origin, ahead.into())?;
+            Some(direction * f64::from(hit.range_m))
+        };
+        let points = beams.directions(1).iter().filter_map(met).collect();
+        Some((beams, points))
     }
 
     /// Pairs to tune on, or those to judge on.

@@ -5,10 +5,11 @@ use echoloop_dsp::{ParameterId, Refusal, Settings, Steered};
 use super::axis::Axis;
 use super::device::{Device, of_aim};
 use super::table::lidar_name;
+use crate::budget::Budget;
 use echoloop_parameters::Scale;
 
 /// Axis of a field of the aim: the part of its range that a search may want, within the mount.
-pub(super) fn aim_axis(id: ParameterId, mount: &Steered) -> Axis {
+pub(super) fn aim_axis(id: ParameterId, mount: &Steered, budget: &Budget) -> Axis {
     let parameter = id.parameter();
     let [azimuth, elevation] =
         [mount.raster.azimuth_cdeg, mount.raster.elevation_cdeg].map(|c| f64::from(c) / 100.0);
@@ -19,27 +20,38 @@ pub(super) fn aim_axis(id: ParameterId, mount: &Steered) -> Axis {
         ParameterId::Tilt => (Scale::Linear, [-0.4, 0.4].map(|share| share * elevation)),
         ParameterId::Columns => (Scale::Integer, [8.0, 1024.0]),
         ParameterId::Rows => (Scale::Integer, [8.0, 128.0]),
-        ParameterId::FrameTime => (Scale::Log, [10.0, f64::from(mount.aim.frame_us) / 1e3]),
+        ParameterId::FrameTime => (Scale::Log, [10.0, budget.frame_ms]),
         _ => (Scale::Linear, [parameter.min, parameter.max].map(|code| parameter.to_unit(code))),
     };
     let default = parameter.to_unit(of_aim(&mount.aim, id));
     Axis { name: lidar_name(id), unit: parameter.unit, scale, min, max, default }
 }
 
+/// Number of columns of a candidate's aim.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Columns {
+    /// As many as the budget has.
+    Filled,
+    /// As many as the settings say, or fewer.
+    AtMost,
+    /// Those of the start, with the rest of its aim: pairs have the beams of one aim.
+    OfTheStart,
+}
+
 /// Brings the aim of a candidate within the mount, the time of a scan and the budget's counts;
 /// names what was changed.
 ///
 /// Spans and tilt come within the mount, and rows down to its step. Shots are halved, then rows
-/// fall, until a column of them fits. Columns are as many as the budget has where `fills` says so,
-/// at most as many as before elsewhere, and never finer than the step.
+/// fall, until a column of them fits. Columns follow, never finer than the step.
 pub(super) fn repair_aim(
     settings: &mut Settings,
     device: &Device,
-    fills: bool,
+    columns: Columns,
 ) -> Vec<&'static str> {
     let Some(mount) = device.steered() else { return Vec::new() };
     let mut aim = AimRepair { settings: device.with_own_aim(*settings), mount, device };
     let asked = aim.settings;
+    let fills = columns == Columns::Filled;
     aim.reach();
     aim.time();
     aim.rows();
@@ -51,6 +63,45 @@ pub(super) fn repair_aim(
     let fields = ParameterId::AIM.into_iter().chain([ParameterId::Shots]);
     let repaired = fields.filter(is_repaired).map(|field| field.parameter().name).collect();
     *settings = aim.settings;
+    repaired
+}
+
+/// Columns of a steered sensor that fill the budget beside all else in these settings.
+pub(crate) fn filled_columns(settings: &Settings, device: &Device) -> Option<i32> {
+    let mut filled = *settings;
+    repair_aim(&mut filled, device, Columns::Filled);
+    filled.columns
+}
+
+/// Brings shots, then bins, then echoes down to what the budget has for a scan whose beams do not
+/// follow; names what was changed.
+pub(super) fn repair_counts(settings: &mut Settings, device: &Device) -> Vec<&'static str> {
+    let pattern = device.aimed(settings);
+    let (budget, beams) = (&device.budget, f64::from(pattern.beams()));
+    let frame_s = budget.frame_s(&pattern);
+    let shot_s = device.steered().map_or(0.0, |mount| f64::from(mount.shot_ns) / 1e9);
+    let fit = |settings: &Settings| {
+        let [shots, samples, bits] = budget.most_beams(settings, frame_s);
+        let in_time = frame_s / (shot_s * f64::from(settings.shots)); // infinite without a mount
+        // A hair more, for products that are whole but for their rounding.
+        [shots.min(in_time), samples, bits].map(|most| most * (1.0 + 1e-9) >= beams)
+    };
+    let mut repaired = Vec::new();
+    for (limit, id) in [
+        (0, ParameterId::Shots),
+        (1, ParameterId::Shots),
+        (1, ParameterId::WaveformResolution),
+        (2, ParameterId::Echoes),
+    ] {
+        let least = id.parameter().min;
+        let mut value = settings.get(id).unwrap_or(least);
+        while !fit(settings)[limit] && value > least {
+            value = if id == ParameterId::Shots { value / 2 } else { value - 1 };
+            settings.set(id, Some(value));
+            repaired.push(id.parameter().name);
+        }
+    }
+    repaired.dedup();
     repaired
 }
 
@@ -92,7 +143,8 @@ impl AimRepair<'_> {
         let by_time = 1e9 * frame_s
             / f64::from(self.mount.shot_ns.max(1))
             / f64::from(self.settings.shots.max(1));
-        let beams = self.device.budget.most_beams(&self.settings, frame_s).min(by_time);
+        let by_budget = self.device.budget.most_beams(&self.settings, frame_s);
+        let beams = by_budget.into_iter().fold(by_time, f64::min);
         // A hair more, for products that are whole but for their rounding.
         ((beams + 1e-6) / f64::from(self.get(ParameterId::Rows).max(1))) as i32 // saturates
     }
@@ -167,12 +219,15 @@ mod tests {
     use echoloop_dsp::ScanPattern;
     use echoloop_random::Generator;
 
+    use super::super::repair::{Limits, repair};
+    use super::super::table::device_axis;
     use super::*;
-    use crate::budget::Budget;
+    use crate::config::preset::LidarPreset;
 
     fn device(budget: Budget) -> Device {
         let mut own = Steered::REFERENCE;
-        own.aim.columns = 192;
+        (own.aim.columns, own.aim.rows) = (192, 64);
+        (own.aim.elevation_cdeg, own.aim.tilt_cdeg) = (6_000, 0);
         Device { pattern: ScanPattern::Steered(own), budget, ..Device::REFERENCE }
     }
 
@@ -183,39 +238,73 @@ mod tests {
     }
 
     #[test]
-    fn every_candidate_of_the_axes_is_repaired_to_an_aim_that_the_sensor_takes() {
-        let budget = Budget { shots_per_s: 122_880.0, ..Budget::NONE };
-        let device = device(budget);
+    fn every_candidate_of_the_axes_is_repaired_to_settings_that_the_sensor_and_the_budget_take() {
         let mut random = Generator::new(3, 0);
-        for draw in 0..2000 {
-            let mut settings = Settings { shots: 1 << (draw % 5), ..Settings::default() };
-            for field in ParameterId::AIM {
-                let axis = aim_axis(field, &Steered::REFERENCE);
+        let budgets = [Budget::UNITREE_L2, Budget::MID_360, Budget::NONE];
+        let columns = [Columns::Filled, Columns::AtMost, Columns::OfTheStart];
+        let mut repaired = [0; 3];
+        for draw in 0..3000 {
+            let (budget, columns) = (budgets[draw % 3], columns[draw / 3 % 3]);
+            let device =
+                Device { pattern: ScanPattern::Steered(Steered::REFERENCE), ..device(budget) };
+            let mut settings = device.with_own_aim(Settings::default());
+            let is_fixed = columns == Columns::OfTheStart;
+            let aim: &[ParameterId] = if is_fixed { &[] } else { &ParameterId::AIM };
+            use ParameterId::{Echoes, Power, PulseWidth, Shots, WaveformResolution};
+            for &field in [Shots, Power, PulseWidth, WaveformResolution, Echoes].iter().chain(aim) {
+                let axis = device_axis(field, LidarPreset::Full, &settings, &device).unwrap();
                 let value = axis.from_cube(random.unit());
                 settings.set(field, Some(field.parameter().to_code(value)));
             }
-            repair_aim(&mut settings, &device, true);
-            let pattern = device.pattern.aimed(&settings).expect("an aim that is taken");
-            assert_eq!(device.budget.exceeded(&pattern, &settings), None, "{settings:?}");
+            let names = repair(&mut settings, &device, &Limits::of_sensor(), columns);
+            repaired[draw / 3 % 3] += usize::from(!names.is_empty());
+            assert_eq!(device.check(&settings).map_err(|error| error.to_string()), Ok(()));
+            let own = device.with_own_aim(Settings::default());
+            let is_own = |id: &ParameterId| settings.get(*id) == own.get(*id);
+            assert!(!is_fixed || ParameterId::AIM.iter().all(is_own), "{settings:?}");
         }
+        assert!(repaired.iter().all(|&count| count > 500), "{repaired:?}");
+    }
+
+    #[test]
+    fn a_grid_beyond_its_budget_has_fewer_shots_then_fewer_samples_and_echoes() {
+        // 12,288 beams, 122,880 shots a second.
+        let of = |budget: Budget, values: &[(ParameterId, i32)]| {
+            let device = Device { budget, ..Device::REFERENCE };
+            let mut settings = set(values);
+            let repaired = repair_counts(&mut settings, &device);
+            device.check(&settings).unwrap();
+            (repaired, [settings.shots, settings.bins, settings.echoes])
+        };
+        use ParameterId::{Echoes, Shots, WaveformResolution};
+        let none = Budget::NONE;
+        assert_eq!(of(none, &[(Shots, 16)]), (vec![], [16, 800, 1]));
+        let shots = Budget { shots_per_s: 300_000.0, ..none };
+        assert_eq!(of(shots, &[(Shots, 16)]), (vec!["shots"], [2, 800, 1]));
+        let samples = Budget { msamples_per_s: 122.88, ..none };
+        let both = vec!["shots", "waveform_resolution"];
+        assert_eq!(of(samples, &[(Shots, 2), (WaveformResolution, 2_000)]), (both, [1, 1_000, 1]));
+        let bits = Budget { mbit_per_s: 50.0, ..none };
+        assert_eq!(of(bits, &[(Echoes, 4)]), (vec!["echoes"], [1, 800, 2]));
     }
 
     #[test]
     fn columns_take_up_what_the_budget_leaves_beside_rows_and_shots() {
         let budget = Budget { shots_per_s: 122_880.0, ..Budget::NONE };
-        let columns = |values: &[(ParameterId, i32)], fills| {
+        let of = |values: &[(ParameterId, i32)], columns| {
             let mut settings = set(values);
-            let repaired = repair_aim(&mut settings, &device(budget), fills);
+            let repaired = repair_aim(&mut settings, &device(budget), columns);
             (settings.columns, repaired)
         };
-        use ParameterId::{AzimuthSpan, Columns, Rows, Shots};
-        assert_eq!(columns(&[], true), (Some(192), vec![]));
-        assert_eq!(columns(&[(Rows, 32)], true), (Some(384), vec![]));
-        assert_eq!(columns(&[(Rows, 32)], false), (Some(192), vec![]), "no more than before");
-        assert_eq!(columns(&[(Shots, 4)], true), (Some(48), vec![]));
-        assert_eq!(columns(&[(Shots, 4)], false), (Some(48), vec!["columns"]));
-        assert_eq!(columns(&[(Rows, 16), (AzimuthSpan, 6_000)], true).0, Some(300), "the step");
-        assert_eq!(columns(&[(Columns, 4096), (Rows, 8)], true).0, Some(1536));
+        use Columns::{AtMost, Filled};
+        use ParameterId::{AzimuthSpan, Rows, Shots};
+        assert_eq!(of(&[], Filled), (Some(192), vec![]));
+        assert_eq!(of(&[(Rows, 32)], Filled), (Some(384), vec![]));
+        assert_eq!(of(&[(Rows, 32)], AtMost), (Some(192), vec![]), "no more than before");
+        assert_eq!(of(&[(Shots, 4)], Filled), (Some(48), vec![]));
+        assert_eq!(of(&[(Shots, 4)], AtMost), (Some(48), vec!["columns"]));
+        assert_eq!(of(&[(Rows, 16), (AzimuthSpan, 6_000)], Filled).0, Some(300), "the step");
+        assert_eq!(of(&[(ParameterId::Columns, 4096), (Rows, 8)], Filled).0, Some(1536));
     }
 
     #[test]
@@ -225,7 +314,7 @@ mod tests {
             (ParameterId::Tilt, -2_000),
             (ParameterId::Rows, 500),
         ]);
-        let repaired = repair_aim(&mut settings, &device(Budget::NONE), false);
+        let repaired = repair_aim(&mut settings, &device(Budget::NONE), Columns::AtMost);
         assert_eq!(repaired, ["tilt", "columns", "rows"]);
         assert_eq!((settings.tilt_cdeg, settings.rows), (Some(-500), Some(400)));
         assert_eq!(settings.columns, Some(50), "20,000 shots of 5 µs a scan");
@@ -234,7 +323,7 @@ mod tests {
     #[test]
     fn a_sensor_that_is_not_steered_has_no_aim_to_repair() {
         let mut settings = Settings::default();
-        assert!(repair_aim(&mut settings, &Device::REFERENCE, true).is_empty());
+        assert!(repair_aim(&mut settings, &Device::REFERENCE, Columns::Filled).is_empty());
         assert_eq!(settings, Settings::default());
     }
 }

@@ -8,8 +8,8 @@ use super::axis::Axis;
 use super::device::Device;
 use super::error::ValueError;
 use super::ranges::free_setting;
-use super::table::{device_axis, tunable};
-use super::{Parameters, Space, choices, theta_reg};
+use super::table::{device_axis, lidar_name, tunable};
+use super::{Columns, Parameters, Space, choices, theta_reg};
 use crate::config::preset::{LidarPreset, Preset};
 use crate::config::{AxisChoice, OwnAxes};
 
@@ -34,6 +34,11 @@ impl Space {
         let method = self.start.registration.method.method();
         let usual = self.axes.iter().find(|axis| axis.name == name).copied();
         let usual = usual.or_else(|| usual_axis(name, &self.start, method, &self.device));
+        let is_of_aim = |id: &ParameterId| name == lidar_name(*id);
+        let is_aimed = ParameterId::AIM.iter().any(is_of_aim);
+        if self.columns == Columns::OfTheStart && is_aimed && choice != AxisChoice::Fixed {
+            return Err("the pairs have the beams of one aim".into());
+        }
         let no_setting = || match name.starts_with("lidar.") {
             true => "the scan pattern is not steered".to_owned(),
             false => format!("it is no setting of {}", method.name()),
@@ -42,7 +47,9 @@ impl Space {
             AxisChoice::Fixed => {
                 usual.ok_or_else(no_setting)?;
                 self.axes.retain(|axis| axis.name != name);
-                self.columns_are_fixed |= name == "lidar.columns";
+                if name == lidar_name(ParameterId::Columns) && self.columns == Columns::Filled {
+                    self.columns = Columns::AtMost;
+                }
                 return Ok(());
             }
             AxisChoice::Free => match usual.ok_or_else(no_setting)? {

@@ -26,6 +26,8 @@ use crate::config::RunConfig;
 use crate::config::preset::{LidarPreset, Preset, Protocol};
 use crate::cost::CostKind;
 
+pub use aim::Columns;
+pub(crate) use aim::filled_columns;
 pub use axis::Axis;
 pub use candidate::{candidate_values, read_candidate};
 pub use device::Device;
@@ -202,8 +204,8 @@ pub struct Space {
     axes: Vec<Axis>,
     start: Parameters,
     device: Device,
-    /// True when the user fixed the columns.
-    columns_are_fixed: bool,
+    /// Columns of a candidate unless they are searched themselves or follow the aim.
+    columns: Columns,
 }
 
 impl Space {
@@ -223,14 +225,18 @@ impl Space {
         if matches!(protocol, Protocol::Registration | Protocol::Joint) {
             axes.extend(start.registration_axes(preset));
         }
-        Self { axes, start, device, columns_are_fixed: false }
+        Self { axes, start, device, columns: Columns::Filled }
     }
 
     /// True when a cost depends on a searched parameter.
     pub fn changes(&self, cost: CostKind) -> bool {
+        // Columns that fill the budget follow all of the aim.
+        let fills = cost == CostKind::Energy
+            && self.device.steered().is_some()
+            && self.columns() == Columns::Filled;
         match cost.changed_by() {
             [] => !self.lidar_axes().is_empty(),
-            some => self.axes.iter().any(|axis| some.contains(&axis.name)),
+            some => fills || self.axes.iter().any(|axis| some.contains(&axis.name)),
         }
     }
 
@@ -239,7 +245,7 @@ impl Space {
         let is_of_aim =
             |axis: &Axis| ParameterId::AIM.iter().any(|id| axis.name == lidar_name(*id));
         self.axes.retain(|axis| !is_of_aim(axis));
-        self.columns_are_fixed = true;
+        self.columns = Columns::OfTheStart;
         self
     }
 
@@ -337,12 +343,17 @@ impl Space {
         }
     }
 
-    /// True when columns are as many as the budget has: where the light is aimed and the columns
-    /// are not searched themselves.
-    fn fills_columns(&self) -> bool {
+    /// Columns of a candidate. They fill the budget where the light is aimed and they are not
+    /// searched or fixed themselves.
+    fn columns(&self) -> Columns {
         let of_aim = ParameterId::AIM.into_iter().chain([ParameterId::Shots]);
         let has = |id| self.axes.iter().any(|axis| axis.name == lidar_name(id));
-        of_aim.into_iter().any(has) && !has(ParameterId::Columns) && !self.columns_are_fixed
+        match self.columns {
+            Columns::Filled if has(ParameterId::Columns) || !of_aim.into_iter().any(has) => {
+                Columns::AtMost
+            }
+            columns => columns,
+        }
     }
 
     /// A point of the cube as parameters that every constraint accepts, and the names of those that
@@ -353,7 +364,7 @@ impl Space {
             parameters.set(axis.name, axis.from_cube(coordinate));
         }
         let settings = &mut parameters.settings;
-        let mut repaired = repair(settings, &self.device, &self.limits(), self.fills_columns());
+        let mut repaired = repair(settings, &self.device, &self.limits(), self.columns());
         repaired.extend(parameters.registration.repair());
         (parameters, repaired)
     }

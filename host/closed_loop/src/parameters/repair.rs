@@ -4,7 +4,7 @@
 use echoloop_dsp::{Hardware, ParameterId, Settings};
 
 use super::Device;
-use super::aim::repair_aim;
+use super::aim::{Columns, repair_aim, repair_counts};
 
 /// Limits of a repair where there is a choice: codes, both ends included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,16 +30,20 @@ impl Limits {
 /// Too few samples a pulse: the pulse is widened up to its limit; beyond it, bins are added. Too
 /// much energy: the power is lowered to its limit, then the pulse shortened; where neither is
 /// enough, the power is lowered beyond its limit. The budget's light and eye safety count as
-/// energy. An aim comes within mount and
-/// budget. A gain that rises beyond the middle of the
-/// window: it rises up to there, or nowhere. (S > N holds by the ranges.)
+/// energy. More beams, samples or bits than the budget has: an aim that may change comes within
+/// it and within the mount; else there are fewer shots, bins or echoes. A gain that rises beyond
+/// the middle of the window: it rises up to there, or nowhere. (S > N holds by the ranges.)
 pub fn repair(
     settings: &mut Settings,
     device: &Device,
     limits: &Limits,
-    fills_columns: bool,
+    columns: Columns,
 ) -> Vec<&'static str> {
     let (mut repaired, hardware) = (Vec::new(), &device.hardware);
+    let has_one_aim = columns == Columns::OfTheStart || device.steered().is_none();
+    if has_one_aim {
+        repaired.extend(repair_counts(settings, device));
+    }
     if hardware.shortest_pulse_ps(settings.bins) > limits.pulse_ps[1] {
         settings.bins = bins_for(limits.pulse_ps[1], settings.bins, hardware);
         repaired.push(ParameterId::WaveformResolution.parameter().name);
@@ -49,7 +53,9 @@ pub fn repair(
         settings.pulse_width_ps = shortest_ps;
         repaired.push(ParameterId::PulseWidth.parameter().name);
     }
-    repaired.extend(repair_aim(settings, device, fills_columns));
+    if !has_one_aim {
+        repaired.extend(repair_aim(settings, device, columns));
+    }
     let energy_limit_pj = device.budget.pulse_limit_pj(hardware, &device.aimed(settings), settings);
     let hardware = &Hardware { energy_limit_pj, ..*hardware };
     let strongest_uw = hardware.strongest_power_uw(settings.pulse_width_ps);
@@ -113,7 +119,7 @@ mod tests {
     }
 
     fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str> {
-        super::repair(settings, &device(hardware), &Limits::of_sensor(), false)
+        super::repair(settings, &device(hardware), &Limits::of_sensor(), Columns::AtMost)
     }
 
     #[test]
@@ -122,7 +128,8 @@ mod tests {
         let with = |least_power_uw, shortest_pulse_ps| {
             let (mut settings, hardware) = (wide, Hardware::REFERENCE);
             let limits = Limits { least_power_uw, pulse_ps: [shortest_pulse_ps, 20_000] };
-            let repaired = super::repair(&mut settings, &device(&hardware), &limits, false);
+            let repaired =
+                super::repair(&mut settings, &device(&hardware), &limits, Columns::AtMost);
             settings.check(&hardware).unwrap();
             (repaired, settings.power_uw, settings.pulse_width_ps)
         };
@@ -141,7 +148,7 @@ mod tests {
         let hardware = Hardware::REFERENCE;
         let mut settings = Settings { bins: 200, pulse_width_ps: 5_000, ..Settings::default() };
         let limits = Limits { pulse_ps: [5_000, 5_000], ..Limits::of_sensor() };
-        let repaired = super::repair(&mut settings, &device(&hardware), &limits, false);
+        let repaired = super::repair(&mut settings, &device(&hardware), &limits, Columns::AtMost);
         assert_eq!((repaired, settings.pulse_width_ps), (vec!["waveform_resolution"], 5_000));
         settings.check(&hardware).unwrap();
         assert!(Settings { bins: settings.bins - 1, ..settings }.check(&hardware).is_err());

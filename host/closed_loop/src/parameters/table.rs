@@ -16,6 +16,7 @@ use super::device::Device;
 use super::ranges::Ranges;
 use super::theta_reg::{SECTION, axes};
 use super::written::written;
+use crate::budget::Budget;
 use crate::config::preset::{LidarPreset, Preset};
 use crate::config::{RunConfig, keys};
 
@@ -186,7 +187,7 @@ pub(super) fn device_axis(
     device: &Device,
 ) -> Option<Axis> {
     match ParameterId::AIM.contains(&id) {
-        true => device.steered().map(|mount| aim_axis(id, mount)),
+        true => device.steered().map(|mount| aim_axis(id, mount, &device.budget)),
         false => Some(lidar_axis(id, power, start)),
     }
 }
@@ -195,7 +196,7 @@ pub(super) fn device_axis(
 /// search may go.
 pub(super) fn lidar_axis(id: ParameterId, power: LidarPreset, start: &Settings) -> Axis {
     if ParameterId::AIM.contains(&id) {
-        return aim_axis(id, &Steered::REFERENCE);
+        return aim_axis(id, &Steered::REFERENCE, &Budget::NONE);
     }
     let p = id.parameter();
     let scale = match p.kind {

@@ -1,5 +1,6 @@
 //! Reader of a run's folder.
 
+use std::borrow::Cow;
 use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -10,8 +11,14 @@ use serde::Deserialize;
 use serde_json::Value;
 use thiserror::Error;
 
-use echoloop_closed_loop::config::{Budget, DataConfig, RegistrationConfig, TuneConfig};
+use echoloop_closed_loop::beams::Beams;
+use echoloop_closed_loop::budget::Usage;
+use echoloop_closed_loop::config::{
+    Budget, DataConfig, RegistrationConfig, ScannerConfig, TuneConfig,
+};
+use echoloop_closed_loop::dataset::source::Source;
 use echoloop_closed_loop::evaluation::summary::Summary;
+use echoloop_closed_loop::parameters::{Values, settings_of};
 use echoloop_closed_loop::run_folder::journal::{Generation, Header, Journal};
 use echoloop_closed_loop::run_folder::provenance::About;
 use echoloop_closed_loop::run_folder::run::{
@@ -65,6 +72,24 @@ pub struct Known {
     pub registration: RegistrationConfig,
     /// The search.
     pub tune: TuneConfig,
+}
+
+impl Known {
+    /// Beams as named values aim them. `None` of a scanner or an aim that is refused, of a table
+    /// that is gone, and of recorded scans, whose beams are not here.
+    pub fn aimed(&self, values: &Values) -> Option<Beams> {
+        let source = self.scene.get("source").and_then(toml::Value::as_str).unwrap_or_default();
+        let scanner: ScannerConfig = self.scanner.clone().try_into().ok()?;
+        let is_recorded = matches!(Source::of(source), Source::Recording(_));
+        let own = (!is_recorded).then(|| scanner.checked_beams()).flatten()?;
+        own.aimed(&settings_of(values)).ok().map(Cow::into_owned)
+    }
+
+    /// What named values use of the budget; `None` as of [`Self::aimed`].
+    pub fn usage(&self, values: &Values) -> Option<Usage> {
+        let beams = self.aimed(values)?;
+        Some(self.budget.usage(beams.pattern(), &settings_of(values)))
+    }
 }
 
 /// A finished run.

@@ -1,8 +1,7 @@
 //! Use of the budget's limits, with the default and tuned.
 
 use echoloop_closed_loop::budget::Row;
-use echoloop_closed_loop::config::ScannerConfig;
-use echoloop_closed_loop::parameters::{Values, settings_of};
+use echoloop_closed_loop::parameters::Values;
 
 use super::Report;
 use crate::format::{significant, with_unit};
@@ -39,13 +38,9 @@ pub(super) fn section(report: &Report) -> String {
 
 /// `None` for an aim that the pattern refuses.
 fn limits(report: &Report) -> Option<Vec<Limit>> {
-    let scanner: ScannerConfig = report.run.config.scanner.clone().try_into().ok()?;
-    let (own, budget) = (scanner.beams(), report.run.config.budget);
-    let rows = |values: &Values| {
-        let settings = settings_of(values);
-        let beams = own.aimed(&settings).ok()?;
-        Some(budget.usage(beams.pattern(), &settings).rows(&budget))
-    };
+    let config = &report.run.config;
+    let budget = config.budget;
+    let rows = |values: &Values| Some(config.usage(values)?.rows(&budget));
     let result = &report.run.result;
     let [before, after] = [rows(&result.default)?, rows(&result.tuned)?];
     let limit = |(before, after): (Row, Row)| {

@@ -65,6 +65,7 @@ impl Subject {
     fn new(seed: u64) -> Self {
         let small = [
             "scene.towns=[1]",
+            "scanner.pattern=grid",
             "scanner.columns=16",
             "scanner.rows=6",
             "data.train_pairs=2",
