@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 COLUMNS, ROWS, DURATION_S = 192, 64, 0.1
-SETTINGS = ["scanner.azimuth_deg=180", "scanner.elevation_deg=180", f"scanner.columns={COLUMNS}"]
+SETTINGS = ["scanner.pattern=grid", "scanner.azimuth_deg=180", "scanner.elevation_deg=180", f"scanner.columns={COLUMNS}"]
 SETTINGS += [f"scanner.rows={ROWS}", f"motion.duration_s={DURATION_S}", "lidar.echoes=4", "data.baseline_m=1"]
 SETTINGS += ["data.train_pairs=1", "data.test_pairs=1"]
 ATTRIBUTES = "range_sd intensity reflectivity snr pulse_width flags ring column echo time".split()

@@ -58,6 +58,7 @@ def make(args, folder, kind, town, baseline_m, heading_deg, scanner):
         "data.test_pairs": PAIRS_A_TOWN,
         "data.baseline_m": baseline_m,
         "data.heading_range_deg": heading_deg,
+        "scanner.pattern": "grid",
         "scanner.columns": columns * halves,
         "scanner.rows": rows,
         "scanner.azimuth_deg": 180 * halves,

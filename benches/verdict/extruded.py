@@ -16,7 +16,7 @@ import sys
 
 HALF_LENGTH_M = 200.0
 PATTERNS = {
-    "grid": ["scanner.columns=512", "scanner.rows=64", "scanner.azimuth_deg=360"],
+    "grid": ["scanner.pattern=grid", "scanner.columns=512", "scanner.rows=64", "scanner.azimuth_deg=360"],
     "os1-64": ["scanner.pattern=os1-64", "scanner.columns=512"],
     "vlp-16": ["scanner.pattern=vlp-16", "scanner.columns=900"],
     "hdl-64e": ["scanner.pattern=hdl-64e", "scanner.columns=600"],

@@ -31,8 +31,8 @@ NARROW = ("livox-mid-40",)
 HEIGHT_M = 2.0
 VOXEL_M = 0.1
 # Few beams where poses are all that is asked for, many of little noise for a model.
-COARSE = ["scanner.columns=16", "scanner.rows=8", "scanner.azimuth_deg=360"]
-CLEAN = ["scanner.columns=768", "scanner.rows=96", "scanner.azimuth_deg=360", "lidar.shots=4"]
+COARSE = ["scanner.pattern=grid", "scanner.columns=16", "scanner.rows=8", "scanner.azimuth_deg=360"]
+CLEAN = ["scanner.pattern=grid", "scanner.columns=768", "scanner.rows=96", "scanner.azimuth_deg=360", "lidar.shots=4"]
 
 
 def pose(place, yaw, pitch=0.0, roll=0.0):
