@@ -197,8 +197,9 @@ fn budget_overrides(given: &[String]) -> Result<Vec<Override>, Failure> {
         let wrong = |_| {
             let keys = Budget::KEYS.iter().filter_map(|key| key.key.strip_prefix("budget."));
             let keys = keys.collect::<Vec<_>>().join(", ");
+            let names = Budget::NAMED.map(|(name, _)| name).join(", ");
             Failure::usage(format!(
-                "--budget {}: expected none, unitree-l2, mid-360, or KEY=VALUE with one of {keys}",
+                "--budget {}: expected {names}, or KEY=VALUE with one of {keys}",
                 one_line(text)
             ))
         };

@@ -70,7 +70,7 @@ impl Panorama {
     }
 
     /// Lowest and highest elevation of these beams, in tens of degrees.
-    pub(crate) fn elevations(panels: &[Self]) -> [f64; 2] {
+    fn elevations(panels: &[Self]) -> [f64; 2] {
         let all = || panels.iter().flat_map(|panel| &panel.beams).map(|[_, elevation]| *elevation);
         let low = all().fold(0.0, f64::min);
         let high = all().fold(0.0, f64::max);

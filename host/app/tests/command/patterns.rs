@@ -130,6 +130,33 @@ fn an_aim_that_the_mount_or_the_budget_does_not_allow_is_refused_with_the_bound(
 }
 
 #[test]
+fn stored_pairs_of_a_steered_sensor_are_searched_with_the_beams_of_their_one_aim() {
+    let fixture = Fixture::new();
+    fixture.succeed(&["store", "-q", "-c", "small.toml", "--set", STEERED, "-o", "st.pairs"]);
+    let tune = ["tune", "-q", "--stored", "st.pairs", "--lidar"];
+    fixture.succeed(&[&tune[..], &["full"]].concat());
+    fixture.refuses(&[&tune[..], &["aim"]].concat(), &["stored pairs have the beams of one aim"]);
+    let free = ["usual", "--tune", "lidar.tilt"];
+    fixture.refuses(&[&tune[..], &free].concat(), &["lidar.tilt", "the beams of one aim"]);
+}
+
+#[test]
+fn a_rate_is_that_of_the_beams_as_they_are_aimed() {
+    let fixture = Fixture::new();
+    let aim = ["--set", "lidar.columns=10", "--set", "lidar.rows=8"];
+    let rate = fixture.succeed(&[&["rate", "--json"], &aim[..]].concat()).json();
+    assert_eq!(rate["beams"], 80);
+    fixture.refuses(&["rate", "--set", "lidar.tilt=40"], &["tilt 40 ° is beyond the mount"]);
+}
+
+#[test]
+fn a_steered_sensor_that_moves_is_not_served() {
+    let fixture = Fixture::new();
+    let moving = ["--set", "motion.duration_s=0.1", "--set", "motion.linear_m_s=[5,0,0]"];
+    fixture.refuses(&[&["serve", "/dev/null"], &moving[..]].concat(), &["stands still"]);
+}
+
+#[test]
 fn a_search_of_the_aim_keeps_within_the_budget_and_writes_what_it_chose() {
     let fixture = Fixture::new();
     let sets = ["--set", STEERED, "--set", "scanner.columns=32", "--set", "scanner.rows=16"];

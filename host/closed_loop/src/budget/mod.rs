@@ -57,13 +57,12 @@ impl Budget {
 
     /// Budget of that name.
     pub fn named(name: &str) -> Option<Self> {
-        match name {
-            "none" => Some(Self::NONE),
-            "unitree-l2" => Some(Self::UNITREE_L2),
-            "mid-360" => Some(Self::MID_360),
-            _ => None,
-        }
+        Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, budget)| *budget)
     }
+
+    /// Budgets that have a name.
+    pub const NAMED: [(&str, Self); 3] =
+        [("none", Self::NONE), ("unitree-l2", Self::UNITREE_L2), ("mid-360", Self::MID_360)];
 
     /// No limit.
     pub const NONE: Self = Self {
@@ -90,13 +89,15 @@ impl Budget {
         let shots_per_s = f64::from(pattern.beams()) * f64::from(settings.shots) / frame_s;
         let pulse_pj = pulse_energy_pj(settings.power_uw, settings.pulse_width_ps);
         let pulse_j = f64::from(pulse_pj) * 1e-12;
-        let wavelength_nm = self.wavelength_nm;
+        let class_1_j = match self.class_1 {
+            true => eye_safety::class_1_pulse_j(self.wavelength_nm, pattern, settings, frame_s),
+            false => f64::INFINITY,
+        };
         Usage {
             is_steered: matches!(pattern, ScanPattern::Steered(_)),
             frame_ms: 1e3 * frame_s,
             pulse_nj: 1e9 * pulse_j,
-            class_1_nj: 1e9
-                * eye_safety::class_1_pulse_j(wavelength_nm, pattern, settings, frame_s),
+            class_1_nj: 1e9 * class_1_j,
             light_mw: 1e3 * pulse_j * shots_per_s,
             shots_per_s,
             msamples_per_s: 1e-6 * samples_a_shot(settings) * shots_per_s,
@@ -120,9 +121,11 @@ impl Budget {
         settings: &Settings,
     ) -> u32 {
         let usage = self.usage(pattern, settings);
-        let class_1 = self.class_1.then_some(usage.class_1_nj);
-        let light = (self.light_mw > 0.0).then(|| 1e6 * self.light_mw / usage.shots_per_s);
-        let most_nj = [class_1, light].into_iter().flatten().fold(f64::INFINITY, f64::min);
+        let light_nj = match self.light_mw {
+            0.0 => f64::INFINITY,
+            limit => 1e6 * limit / usage.shots_per_s,
+        };
+        let most_nj = usage.class_1_nj.min(light_nj);
         ((1e3 * most_nj) as u32).min(hardware.energy_limit_pj) // `as` saturates
     }
 
@@ -167,7 +170,8 @@ pub struct Usage {
     pub frame_ms: f64,
     /// Energy of a pulse, nJ.
     pub pulse_nj: f64,
-    /// Energy of a pulse that class 1 allows this scan, nJ.
+    /// Energy of a pulse that class 1 allows this scan, nJ; infinite where the budget is not to
+    /// keep it, as counting the pulses takes long.
     pub class_1_nj: f64,
     /// Light, mW.
     pub light_mw: f64,

@@ -195,8 +195,7 @@ struct Given {
 
 /// Beams of recorded scans are those of the recording: their sensor is not steered by default.
 fn follow_scene(config: &mut RunConfig, given: &Given) -> Result<(), LoadError> {
-    let is_recorded = matches!(Source::of(&config.scene.source), Source::Recording(_));
-    if is_recorded && !given.scanner.contains_key("pattern") {
+    if Source::is_recording(&config.scene.source) && !given.scanner.contains_key("pattern") {
         let grid = toml::Table::from_iter([("pattern".to_owned(), "grid".into())]);
         config.scanner = over("scanner", grid, given.scanner.clone())?;
     }
@@ -214,13 +213,14 @@ fn follow_scanner(config: &mut RunConfig, Given { scanner, lidar }: &Given) {
             config.lidar.0.set(id, Some(id.parameter().to_code(value)));
         }
     }
+    if scanner.contains_key("columns") {
+        return;
+    }
     let filled = |settings: &Settings, config: &RunConfig| {
         filled_columns(settings, &config.device()).and_then(|columns| u16::try_from(columns).ok())
     };
-    if !scanner.contains_key("columns") {
-        config.scanner.columns = filled(&Settings::default(), config);
-    }
-    if !scanner.contains_key("columns") && !is_given(ParameterId::Columns) {
+    config.scanner.columns = filled(&Settings::default(), config);
+    if !is_given(ParameterId::Columns) {
         let columns = filled(&config.lidar.0, config);
         let has_others = columns != config.scanner.columns;
         config.lidar.0.columns = columns.filter(|_| has_others).map(i32::from);
@@ -349,6 +349,30 @@ fn message(error: &toml::de::Error) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_steered_sensor_has_as_many_columns_as_its_budget_beside_rows_shots_and_samples() {
+        let columns = |texts: &[&str]| {
+            let config = set(texts).unwrap();
+            (config.scanner.columns, config.lidar.0.columns)
+        };
+        assert_eq!(columns(&[]), (Some(200), None));
+        assert_eq!(columns(&["scanner.rows=64"]), (Some(100), None));
+        for key in ["lidar.rows=64", "lidar.shots=2", "lidar.waveform_resolution=1600"] {
+            assert_eq!(columns(&[key]), (Some(200), Some(100)), "{key}");
+        }
+        assert_eq!(columns(&["budget.frame_ms=200"]), (Some(200), Some(400)));
+        assert_eq!(columns(&["scanner.columns=50", "lidar.rows=64"]), (Some(50), None));
+        assert_eq!(columns(&["lidar.columns=9", "lidar.rows=64"]), (Some(200), Some(9)));
+        assert_eq!(columns(&["scanner.pattern=grid"]), (Some(192), None));
+    }
+
+    #[test]
+    fn a_configuration_without_keys_is_the_default_and_a_grid_has_the_paper_s_light() {
+        assert_eq!(set(&[]).unwrap(), RunConfig::default());
+        let grid = set(&["scanner.pattern=grid"]).unwrap();
+        assert_eq!((grid.lidar.0, grid.budget), (Settings::default(), Budget::NONE));
+    }
 
     #[test]
     fn global_methods_get_scans_farther_apart_unless_told_otherwise() {

@@ -154,8 +154,7 @@ impl RunConfig {
 
     /// True of pairs whose beams do not follow the settings: recorded or stored ones.
     pub fn has_one_aim(&self) -> bool {
-        !self.scene.stored.is_empty()
-            || matches!(Source::of(&self.scene.source), Source::Recording(_))
+        !self.scene.stored.is_empty() || Source::is_recording(&self.scene.source)
     }
 
     /// Refuses a steered sensor in a recording, and the search of an aim that there is none of.
@@ -164,8 +163,8 @@ impl RunConfig {
         let refused = |key, value: &str, problem: &str| {
             Err(Refused { key, value: value.into(), problem: problem.into() })
         };
-        let (aim, is_recorded) = (self.tune.lidar, self.has_one_aim());
-        if is_steered && is_recorded && self.scene.stored.is_empty() {
+        let aim = self.tune.lidar;
+        if is_steered && Source::is_recording(&self.scene.source) {
             let problem = ": recorded scans have beams of their own";
             return refused("scanner.pattern", "steered", problem);
         }
@@ -175,7 +174,7 @@ impl RunConfig {
                 aim.name(),
                 ": the scan pattern is not steered (scanner.pattern = steered)",
             ),
-            LidarPreset::Aim if is_recorded => {
+            LidarPreset::Aim if self.has_one_aim() => {
                 refused("tune.lidar", aim.name(), ": stored pairs have the beams of one aim")
             }
             _ => Ok(()),

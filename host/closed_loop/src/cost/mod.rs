@@ -87,9 +87,10 @@ impl Scanner {
     fn seconds(&self, settings: &Settings) -> f64 {
         let range_max_m = f64::from(self.hardware.range_max_mm) / 1e3;
         let shot_s = 2.0 * range_max_m / SPEED_OF_LIGHT_M_S as f64;
-        let duration_s = match self.aimed(settings) {
-            ScanPattern::Steered(steered) => f64::from(steered.aim.frame_us) / 1e6,
-            pattern => pattern.duration_s().max(self.duration_s),
+        let pattern = self.aimed(settings);
+        let duration_s = match pattern {
+            ScanPattern::Steered(_) => pattern.duration_s(),
+            _ => pattern.duration_s().max(self.duration_s),
         };
         (self.shots(settings) * shot_s).max(duration_s)
     }
@@ -126,12 +127,21 @@ impl ScanCost {
 
 #[cfg(test)]
 mod tests {
-    use echoloop_dsp::Echo;
+    use echoloop_dsp::{Echo, Steered};
 
     use super::*;
 
     fn scanner() -> Scanner {
         Scanner::new(Hardware::REFERENCE, &ScanPattern::default(), 0.0)
+    }
+
+    #[test]
+    fn a_steered_scan_takes_its_own_time_however_long_the_sensor_s_motion_is_said_to_last() {
+        let seconds = |pattern: &ScanPattern| {
+            Scanner::new(Hardware::REFERENCE, pattern, 0.5).seconds(&Settings::default())
+        };
+        assert_eq!(seconds(&ScanPattern::Steered(Steered::REFERENCE)), 0.1);
+        assert_eq!(seconds(&ScanPattern::default()), 0.5);
     }
 
     /// Scan in which every other beam has `echoes` echoes at a range.

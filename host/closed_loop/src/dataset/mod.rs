@@ -166,7 +166,7 @@ impl Dataset {
 
 /// True when scans are traced, neither stored nor recorded.
 fn is_traced(config: &RunConfig) -> bool {
-    let is_recording = matches!(Source::of(&config.scene.source), Source::Recording(_));
+    let is_recording = Source::is_recording(&config.scene.source);
     config.scene.stored.is_empty() && !is_recording
 }
 

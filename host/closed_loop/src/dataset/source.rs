@@ -72,6 +72,11 @@ impl Source {
         if is_network { Self::Roads(path) } else { Self::Mesh(path) }
     }
 
+    /// True of a folder of recorded scans.
+    pub fn is_recording(source: &str) -> bool {
+        matches!(Self::of(source), Self::Recording(_))
+    }
+
     /// Files that the scene is read from.
     pub fn files(&self) -> Vec<PathBuf> {
         let data = data_folder();

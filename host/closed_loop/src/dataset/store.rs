@@ -87,7 +87,7 @@ struct Placed([f64; 7]);
 ///
 /// Reason that the pairs cannot be stored.
 pub fn stored(config: &RunConfig, dataset: &Dataset) -> Result<Vec<u8>, String> {
-    if matches!(Source::of(&config.scene.source), Source::Recording(_)) {
+    if Source::is_recording(&config.scene.source) {
         return Err("recorded scans need no store: they are read as fast".into());
     }
     // Of a steered sensor, the beams of one aim.

@@ -94,14 +94,16 @@ pub(super) fn repair_counts(settings: &mut Settings, device: &Device) -> Vec<&'s
         (2, ParameterId::Echoes),
     ] {
         let least = id.parameter().min;
-        let mut value = settings.get(id).unwrap_or(least);
+        let asked = settings.get(id).unwrap_or(least);
+        let mut value = asked;
         while !fit(settings)[limit] && value > least {
             value = if id == ParameterId::Shots { value / 2 } else { value - 1 };
             settings.set(id, Some(value));
+        }
+        if value != asked && !repaired.contains(&id.parameter().name) {
             repaired.push(id.parameter().name);
         }
     }
-    repaired.dedup();
     repaired
 }
 

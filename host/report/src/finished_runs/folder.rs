@@ -80,8 +80,7 @@ impl Known {
     pub fn aimed(&self, values: &Values) -> Option<Beams> {
         let source = self.scene.get("source").and_then(toml::Value::as_str).unwrap_or_default();
         let scanner: ScannerConfig = self.scanner.clone().try_into().ok()?;
-        let is_recorded = matches!(Source::of(source), Source::Recording(_));
-        let own = (!is_recorded).then(|| scanner.checked_beams()).flatten()?;
+        let own = (!Source::is_recording(source)).then(|| scanner.checked_beams()).flatten()?;
         own.aimed(&settings_of(values)).ok().map(Cow::into_owned)
     }
 
