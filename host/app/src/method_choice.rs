@@ -18,9 +18,10 @@ pub(super) struct MethodChoice {
     method: Option<Method>,
     #[arg(long, help = MODE_HELP, value_parser = mode_parser())]
     mode: Option<FgrMode>,
-    /// Finish what a global method finds with point-to-plane ICP.
-    #[arg(long)]
-    refine: bool,
+    /// Whether point-to-plane ICP finishes what a global method finds [default: true with fgr and
+    /// mac, but not with --mode open3d or the paper's strategy].
+    #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true")]
+    refine: Option<bool>,
 }
 
 impl MethodChoice {
@@ -28,7 +29,7 @@ impl MethodChoice {
     pub(super) fn overrides(&self) -> Vec<Override> {
         let method = self.method.map(|method| Override::flag("registration.method", method.name()));
         let mode = self.mode.map(|mode| Override::flag("registration.mode", mode.name()));
-        let refine = self.refine.then(|| Override::flag("registration.refine", true));
+        let refine = self.refine.map(|refine| Override::flag("registration.refine", refine));
         method.into_iter().chain(mode).chain(refine).collect()
     }
 }

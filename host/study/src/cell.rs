@@ -46,7 +46,9 @@ impl Base {
         let beams = Override::flag("scanner.pattern", "grid"); // ±90°, the paper's
         let pairs = Override::flag("data.test_pairs", 100_i64);
         let objective = Override::flag("tune.objective", "error");
-        Self { overrides: [beams, pairs, objective].into_iter().chain(changes).collect() }
+        let refine = Override::flag("registration.refine", false); // the methods by themselves
+        let own = [beams, pairs, objective, refine];
+        Self { overrides: own.into_iter().chain(changes).collect() }
     }
 
     /// [`Self::paper`] without changes, or with those of [`Self::quick`].

@@ -6,12 +6,13 @@ use std::str::FromStr;
 use echoloop_dsp::{ParameterId, Settings};
 use echoloop_files::{MAX_LINE, MOST_TEXT, one_line, one_line_of, printable, read_text};
 use echoloop_parameters::{Kind, Parameter, Refused};
+use echoloop_registration::FgrMode;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
 use super::keys::{key, keys};
-use super::{Budget, DataConfig, RunConfig, TuneConfig};
+use super::{Budget, DataConfig, RegistrationConfig, RunConfig, TuneConfig};
 use crate::config::preset::Strategy;
 use crate::dataset::source::Source;
 use crate::parameters::filled_columns;
@@ -172,6 +173,7 @@ fn laid_over(mut table: toml::Table, overrides: &[Override]) -> Result<RunConfig
         |name: &str| table.get(name).and_then(toml::Value::as_table).cloned().unwrap_or_default();
     let given = Given { scanner: section("scanner"), lidar: section("lidar") };
     let (budget, data, tune) = (section("budget"), section("data"), section("tune"));
+    let registration = section("registration");
     let mut config: RunConfig = table.try_into().map_err(|error: toml::de::Error| {
         LoadError::Override { text: String::new(), message: message(&error) }
     })?;
@@ -181,6 +183,11 @@ fn laid_over(mut table: toml::Table, overrides: &[Override]) -> Result<RunConfig
         follow_scanner(&mut config, &given);
     }
     follow_method(&mut config, &data);
+    if !registration.contains_key("refine") {
+        let RegistrationConfig { method, mode, refine, .. } = &mut config.registration;
+        let is_papers = *mode == FgrMode::Open3d || config.tune.strategy == Strategy::Paper;
+        *refine = method.is_rough() && !is_papers;
+    }
     // What depends on the strategy.
     config.tune = over("tune", TuneConfig::for_strategy(config.tune.strategy), tune)?;
     config.check()?;

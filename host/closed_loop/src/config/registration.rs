@@ -51,7 +51,9 @@ pub(super) const OWN_KEYS: &[Parameter] = &[
         bounds: Bounds::FLAG,
         ..text(
             "registration.refine",
-            "Whether point-to-plane ICP finishes what a global method finds.",
+            "Whether point-to-plane ICP finishes what a global method finds: by default where it \
+             leaves that to another (`fgr`, `mac`), but not with `open3d` or the paper's \
+             strategy.",
         )
     },
 ];
@@ -164,7 +166,8 @@ impl Serialize for RegistrationConfig {
         if self.mode != FgrMode::default() {
             map.serialize_entry("mode", &self.mode)?;
         }
-        if self.refine {
+        // What is left out follows method and strategy.
+        if self.refine || self.method.is_rough() {
             map.serialize_entry("refine", &self.refine)?;
         }
         for (setting, value) in SETTINGS.iter().zip(self.given) {
