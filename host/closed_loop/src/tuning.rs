@@ -114,7 +114,7 @@ pub fn result(search: &TuneSearch<'_>, tuned: &Tuned, judged: Judged) -> RunResu
         default: search.start.values(config),
         tuned: tuned.parameters.values(config),
         finalists: tuned.finalists.clone(),
-        check: tuned.check,
+        check: tuned.check.clone(),
         comparison: Comparison::new(
             &judged.before.errors,
             &judged.after.errors,

@@ -2,7 +2,7 @@
 //! come back, pairs are registered, better settings are chosen. These tests check that the parts
 //! work together, not how well they tune.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock};
 
@@ -15,7 +15,7 @@ use echoloop_closed_loop::evaluation::scan_cloud::cloud_from_scan;
 use echoloop_closed_loop::evaluation::summary::{NoisyPairs, evaluate};
 use echoloop_closed_loop::parameters::{Parameters, Space, Values};
 use echoloop_closed_loop::run_folder::journal::{Generation, Journal};
-use echoloop_closed_loop::search::{Observer, Origin, Silent, TuneSearch, Tuned};
+use echoloop_closed_loop::search::{Finalist, Observer, Origin, Silent, TuneSearch, Tuned};
 use echoloop_closed_loop::seed::Purpose;
 use echoloop_clouds::pose::{Pose, relative};
 use echoloop_dsp::hardware::sample_period_fs;
@@ -55,7 +55,7 @@ fn config(more: &[&str]) -> RunConfig {
 
 /// Seed with which the search of the registration improves on its start, so that the sensor is
 /// searched again from there, and the final choice has other sensor settings than the start.
-const MOVING: &str = "seed=10";
+const MOVING: &str = "seed=26";
 
 /// The paper's strategy on a small problem.
 fn paper(more: &[&str]) -> RunConfig {
@@ -138,17 +138,16 @@ fn one_thread_and_two_write_the_same_journal_and_choose_the_same() {
     assert_eq!(
         one.iter().filter(|&&byte| byte == b'\n').count(),
         1 + 3 + 3 + 2 + 2,
-        "a header, three generations of each part alone, two of the sensor again, two of both"
+        "a header, three generations of each half alone, two of the sensor again, two of both"
     );
 }
 
 #[test]
-fn the_fast_search_moves_each_part_alone_then_the_sensor_again_then_both() {
-    let (_, tuned) = tuned(&config(&["tune.population=0", MOVING]), 2);
+fn the_fast_search_moves_each_half_alone_then_the_sensor_again_beside_both() {
+    let (_, tuned) = tuned(&config(&["tune.population=0", "seed=2"]), 2);
     let stages: Vec<&str> = tuned.generations.iter().map(|g| &*g.stage).collect();
-    let halves = [vec!["lidar alone"; 3], vec!["registration"; 3]].concat();
-    let beside = [vec!["lidar"; 2], vec!["joint"; 2]].concat();
-    assert_eq!(stages, [halves, beside].concat());
+    let side_by_side = [["lidar alone", "registration"].repeat(3), ["lidar", "joint"].repeat(2)];
+    assert_eq!(stages, side_by_side.concat());
     let moved = |generation: &Generation| -> Vec<bool> {
         let first = &generation.candidates[0].point;
         let differs = |i: usize| generation.candidates.iter().any(|c| c.point[i] != first[i]);
@@ -272,8 +271,13 @@ fn checked(config: &RunConfig, check: Vec<ScanPair>) -> (Tuned, usize) {
 
 /// Keys that put all errors at the cap, so that energy alone decides: other sensor settings are
 /// always ahead.
-const BY_ENERGY: [&str; 3] =
-    ["tune.error_cap=1e-7", "tune.error_mean=arithmetic", "tune.weights.energy=1"];
+const BY_ENERGY: [&str; 5] = [
+    "tune.error_cap=1e-7",
+    "tune.error_mean=arithmetic",
+    "tune.weights.energy=1",
+    "data.success_translation_m=100",
+    "data.success_rotation_deg=180",
+];
 
 #[test]
 fn a_joint_choice_stands_when_it_is_ahead_on_held_back_pairs() {
@@ -285,16 +289,14 @@ fn a_joint_choice_stands_when_it_is_ahead_on_held_back_pairs() {
     assert_eq!(found.finalists, unchecked.finalists, "the final selection is the same");
     let check = found.check.expect("a check");
     assert!(check.holds && check.ahead == 99.0 && check.pairs == 3, "{check:?}");
-    assert_eq!(found.registrations, unchecked.registrations + 2 * 3, "two choices on three pairs");
+    assert!(found.registrations >= unchecked.registrations + 2 * 3, "two on three pairs at least");
     assert_eq!(found.registrations, made);
 }
 
 #[test]
-fn a_joint_choice_that_is_not_ahead_on_held_back_pairs_yields_to_registration_alone() {
+fn a_choice_that_is_not_ahead_on_held_back_pairs_yields_to_the_start() {
     let config = config(&["tune.objective=error", MOVING]);
     let winner = tuned(&config, 2).1;
-    let half = ["tune.objective=error", "tune.protocol=registration", MOVING];
-    let half = tuned(&self::config(&half), 2).1;
     assert_ne!(winner.parameters.settings, search(&config).start.settings, "else nothing to check");
     // Without returns, both have the error of the initial guess.
     let beams = TOWN.beams.pattern().beams();
@@ -302,16 +304,14 @@ fn a_joint_choice_that_is_not_ahead_on_held_back_pairs_yields_to_registration_al
     let mut blind = TOWN.test.clone();
     blind.iter_mut().for_each(|p| (p.first, p.second) = (nothing.clone(), nothing.clone()));
     let (found, made) = checked(&config, blind);
-    let check = found.check.expect("a check");
+    let check = found.check.as_ref().expect("a check");
     assert!(!check.holds && check.ahead == 0.0 && check.pairs == 3, "{check:?}");
-    assert_eq!(found.parameters.settings, search(&config).start.settings);
-    let search = search(&config);
-    let [found_axes, half_axes] =
-        [&found, &half].map(|tuned| search.space.point(&tuned.parameters));
-    for (found, half) in found_axes.iter().zip(&half_axes) {
-        assert!((found - half).abs() < 1e-9, "{found_axes:?}: {half_axes:?}");
-    }
-    assert_eq!((found.registrations, made), (winner.registrations + 2 * 3, found.registrations));
+    assert_eq!((&*check.of, &*found.origin), ("start", "start"));
+    assert_eq!(found.parameters, search(&config).start);
+    // The start, registration's half and the choice, on three pairs each; the sensor's, too, where
+    // that is another.
+    assert!(found.registrations >= winner.registrations + 3 * 3);
+    assert_eq!(found.registrations, made);
 }
 
 #[test]
@@ -324,9 +324,9 @@ fn minimising_a_cost_makes_no_check() {
 fn when_registration_keeps_its_start_the_sensor_is_not_searched_again() {
     let config = config(&BY_ENERGY);
     let (journal, found) = &*CHEAPEST;
-    let mut stages: Vec<&str> = found.generations.iter().map(|g| g.stage.as_str()).collect();
-    stages.dedup();
-    assert_eq!(stages, ["lidar alone", "registration", "joint"], "registration costs no energy");
+    let stages: BTreeSet<&str> = found.generations.iter().map(|g| g.stage.as_str()).collect();
+    let three = BTreeSet::from(["lidar alone", "registration", "joint"]);
+    assert_eq!(stages, three, "registration costs no energy");
     // Both together are still searched, from the sensor's winner.
     let joint = found.generations.iter().find(|g| g.stage == "joint").expect("a search of both");
     let start = search(&config).space.start_point();
@@ -411,7 +411,8 @@ fn every_candidate_is_recorded_with_the_sensor_s_hash_of_its_settings() {
     let search = search(&config);
     let mut sensor = Sensor::in_process(&Model::from(&config)).expect("a sensor");
     let candidates: Vec<_> = tuned.generations.iter().flat_map(|g| &g.candidates).collect();
-    assert_eq!(candidates.len(), 6 * (2 + 2 + 1 + 1));
+    assert_eq!(candidates.len(), 6 * tuned.generations.len());
+    assert!(tuned.generations.len() > 2 + 2, "both halves, then both");
     for candidate in &candidates {
         let mut by_name = search.start;
         for (name, value) in &candidate.values {
@@ -433,10 +434,12 @@ fn every_recorded_error_is_that_of_a_training_pair_with_the_noise_of_the_recipe(
         let config = config(&[common, "tune.generations=2"]);
         let (_, tuned) = tuned(&config, 2);
         let search = search(&config);
-        // The stage of the sensor alone draws as it would alone; so do the other stages together.
-        let turns = (0..2).chain(0..4);
-        assert_eq!(tuned.generations.len(), 6);
-        for (g, generation) in turns.zip(&tuned.generations) {
+        // Each half draws as it would alone, in turns; the others go on after both.
+        let mut turns = BTreeMap::from([("lidar", 2), ("joint", 3)]);
+        for generation in &tuned.generations {
+            let turn = turns.entry(&*generation.stage).or_insert(0);
+            let g = *turn;
+            *turn += 1;
             let is_shared = generation.stage == "registration";
             assert_eq!(generation.pairs.len(), if is_shared { 4 } else { 2 });
             for (number, candidate) in (1..).zip(&generation.candidates) {
@@ -520,7 +523,8 @@ fn the_choice_is_at_least_as_good_as_the_start_on_the_training_pairs() {
         };
         let (start, chosen) = (worth(&search.start), worth(&tuned.parameters));
         assert!(chosen <= start, "{seed}: {chosen} after {start}");
-        assert_eq!(tuned.finalists[0].fitness, chosen);
+        let is_chosen = |finalist: &Finalist| finalist.origin == tuned.origin;
+        assert_eq!(tuned.finalists.iter().find(|f| is_chosen(f)).map(|f| f.fitness), Some(chosen));
         let of_start =
             tuned.finalists.iter().find(|f| f.origin == "start").expect("the start is a finalist");
         assert_eq!(of_start.fitness, start);

@@ -145,9 +145,14 @@ fn a_search_begins_at_the_best_of_its_start_and_what_was_tuned_elsewhere() {
     let fixture = Fixture::new();
     fixture.tune(&["--protocol=default", "--fix=lidar.power=60"]);
     let elsewhere = fs::canonicalize(fixture.path(RUN)).expect("a run");
-    fixture.write("dark.json", r#"{"parameters": {"lidar.power": 0.03, "lidar.timing": "cfd"}}"#);
+    fixture.write("dark.json", r#"{"parameters": {"lidar.power": 0.012, "lidar.timing": "cfd"}}"#);
     let starts = ["--warm-start", "dark.json", "--warm-start", elsewhere.to_str().expect("UTF-8")];
-    let dim = ["--set=lidar.power=0.02", "--objective=error", "--tune=lidar.power=0.01..100,log"];
+    let dim = [
+        "--set=lidar.power=0.02",
+        "--set=tune.error_mean=geometric",
+        "--objective=error",
+        "--tune=lidar.power=0.01..100,log",
+    ];
     fixture.tune(&[&dim[..], &starts].concat());
     let found = fixture.result();
     assert_eq!(found["default"]["lidar.power"], 0.02, "the start is what is compared with");

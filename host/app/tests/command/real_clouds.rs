@@ -8,7 +8,7 @@ use serde_json::Value;
 
 const SHARED: [&str; 14] = [
     "--seed",
-    "3",
+    "5",
     "--set",
     "scene.towns=[1]",
     "--set",

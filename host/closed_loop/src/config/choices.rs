@@ -4,7 +4,9 @@ use clap::ValueEnum;
 use clap::builder::PossibleValue;
 use echoloop_parameters::Value;
 
-use crate::config::preset::{ErrorMean, LidarPreset, Objective, Preset, Protocol, Strategy};
+use crate::config::preset::{
+    ErrorMean, LidarPreset, Objective, Preset, Protocol, Sampler, Strategy,
+};
 use crate::cost::CostKind;
 use crate::prepared::PairSet;
 
@@ -27,4 +29,4 @@ macro_rules! flag_values {
     )*};
 }
 
-flag_values!(ErrorMean, LidarPreset, Objective, PairSet, Preset, Protocol, Strategy);
+flag_values!(ErrorMean, LidarPreset, Objective, PairSet, Preset, Protocol, Sampler, Strategy);

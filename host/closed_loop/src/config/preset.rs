@@ -16,11 +16,13 @@ choice! {
 
 choice! {
     /// Mean of the errors of a candidate's pairs.
-    pub enum ErrorMean by default Geometric {
+    pub enum ErrorMean by default SquareRoot {
         /// Their mean (Eq. 4): the worst pairs decide.
         Arithmetic = "arithmetic",
         /// Their geometric mean: each pair counts by how much nearer it comes.
         Geometric = "geometric",
+        /// The square of the mean of their square roots: between the two.
+        SquareRoot = "square-root",
     }
 }
 
@@ -41,11 +43,22 @@ choice! {
 choice! {
     /// Strategy of the search.
     pub enum Strategy by default Fast {
-        /// Either half alone, the sensor beside registration's winner, then both together, few
+        /// Either half alone, then the sensor beside registration's winner and both together, few
         /// pairs a generation.
         Fast = "fast",
         /// The paper's (Sec. 4.2): one search, all pairs, the plain mean of the errors.
         Paper = "paper",
+    }
+}
+
+choice! {
+    /// How candidates are drawn.
+    pub enum Sampler by default CmaEs {
+        /// By CMA-ES, which learns from the generations before.
+        CmaEs = "cma-es",
+        /// Evenly from all of the ranges, to compare with: what the same registrations find without
+        /// an optimiser.
+        Random = "random",
     }
 }
 

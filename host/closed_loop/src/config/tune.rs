@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::axes::OwnAxes;
 use super::choices::COSTS;
 use super::weights::Weights;
-use crate::config::preset::{ErrorMean, LidarPreset, Objective, Protocol, Strategy};
+use crate::config::preset::{ErrorMean, LidarPreset, Objective, Protocol, Sampler, Strategy};
 use crate::cost::CostKind;
 
 section! {
@@ -23,8 +23,13 @@ section! {
         lidar: LidarPreset, "", LidarPreset::BOUNDS,
             "Which of the sensor's parameters are tuned: `usual`, ten and a steered sensor's aim, \
              the `paper`'s eight, the `aim` alone, or `full`, all of them.";
+        sampler: Sampler, "", Sampler::BOUNDS,
+            "How candidates are drawn: by `cma-es`, or `random`, to compare with.";
         generations: u32, "generations", Bounds::between(1.0, 1e5),
             "Generations of the search.";
+        registrations: usize, "registrations", Bounds::zero_or("by generations", 1.0, 1e9),
+            "Instead of `generations`: about as many registrations, whatever is tuned, so that \
+             protocols can be compared. The final selection takes some more.";
         #[serde(skip_serializing_if = "Option::is_none")]
         extended_to: Option<u32>, "generations", Bounds::between(1.0, 1e5),
             "Of a run that was extended: as many of the last search as if there were these \
@@ -36,7 +41,8 @@ section! {
              0: all, as in the paper.";
         error_mean: ErrorMean, "", ErrorMean::BOUNDS,
             "How the errors of a candidate's pairs are put together: `arithmetic`, as in the \
-             paper, or `geometric`.";
+             paper; `geometric`, by which a lost pair counts little; `square-root`, between the \
+             two.";
         error_cap: f64, "", Bounds::at_least(0.0),
             "No pair counts for more than this, ‖T_est − T*‖_F; 0: no cap, as in the paper.";
         common_noise: bool, "", Bounds::FLAG,
@@ -89,11 +95,13 @@ impl TuneConfig {
             strategy,
             protocol: Protocol::Joint,
             lidar: LidarPreset::Usual,
+            sampler: Sampler::CmaEs,
             generations: 30,
+            registrations: 0,
             extended_to: None,
             population: 0,
             pairs_per_generation: 3,
-            error_mean: ErrorMean::Geometric,
+            error_mean: ErrorMean::SquareRoot,
             error_cap: 1.0,
             common_noise: true,
             sigma: 0.2,
@@ -143,6 +151,10 @@ impl TuneConfig {
             match (key.key, self.extended_to) {
                 ("tune.extended_to", Some(to)) if to < self.generations => {
                     return Err(key.refused(to, "tune.generations to 100000"));
+                }
+                ("tune.extended_to", Some(to)) if self.registrations > 0 => {
+                    let expected = "left out beside tune.registrations";
+                    return Err(key.refused(to, expected));
                 }
                 ("tune.objective", _) if self.objective == Objective::Weighted && !knows_costs => {
                     let expected = "error with tune.strategy = paper, which knows no costs";

@@ -11,7 +11,9 @@ use super::stage::Stage;
 use super::tune_search::TuneError;
 
 impl SearchRun<'_> {
-    /// Searches the axes of one stage from `base`, a point of the whole unit cube.
+    /// Searches the axes of some stages, each from a point of the whole unit cube, a generation of
+    /// each at a time: there is more to do at once than one stage has for many threads. Each finds
+    /// what it finds alone.
     ///
     /// A generation that the journal holds already is not scanned again: it is compared with the
     /// one that is asked for now, so a resumed search ends as an uninterrupted one does.
@@ -19,24 +21,37 @@ impl SearchRun<'_> {
     /// # Errors
     ///
     /// [`TuneError`] of the optimiser, the sensor or the journal, and when interrupted.
-    pub(super) fn closed_loop(&mut self, stage: &Stage, base: &[f64]) -> Result<CmaEs, TuneError> {
-        self.evaluator.observer.stage(&stage.name, stage.registrations());
-        let mut optimizer = self.optimizer(stage, base)?;
-        for number in stage.place.generations.. {
-            if optimizer.stop().is_some() {
+    pub(super) fn closed_loop(
+        &mut self,
+        stages: &[(&Stage, Vec<f64>)],
+    ) -> Result<Vec<CmaEs>, TuneError> {
+        if stages.is_empty() {
+            return Ok(Vec::new());
+        }
+        let names: Vec<&str> = stages.iter().map(|(stage, _)| &*stage.name).collect();
+        let registrations = stages.iter().map(|(stage, _)| stage.registrations()).sum();
+        self.evaluator.observer.stage(&names.join(", "), registrations);
+        let optimizer = |(stage, base): &(&Stage, Vec<f64>)| self.optimizer(stage, base);
+        let mut optimizers = stages.iter().map(optimizer).collect::<Result<Vec<_>, _>>()?;
+        for step in 0.. {
+            let running = |&i: &usize| optimizers[i].stop().is_none();
+            let running: Vec<usize> = (0..stages.len()).filter(running).collect();
+            if running.is_empty() {
                 break;
             }
-            let asked = self.ask(stage, number, &optimizer, base);
-            let generation = match self.recorded.pop_front() {
-                Some(recorded) => self.compared(recorded, &asked)?,
-                None => self.scan_and_register(asked)?,
+            let ask = |(place, &i): (usize, &usize)| {
+                let (stage, base) = &stages[i];
+                self.ask(stage, (place, step), &optimizers[i], base)
             };
-            let fitness: Vec<f64> = generation.candidates.iter().map(|c| c.fitness).collect();
-            // Never refused: there is one value for each candidate that was asked for.
-            let _ = optimizer.tell(&fitness);
-            self.evaluator.observer.generation(&generation, self.total);
-            self.generations.push(generation);
+            let asked = running.iter().enumerate().map(ask).collect();
+            for (generation, &i) in self.scan_and_register(asked)?.into_iter().zip(&running) {
+                let fitness: Vec<f64> = generation.candidates.iter().map(|c| c.fitness).collect();
+                // Never refused: there is one value for each candidate that was asked for.
+                let _ = optimizers[i].tell(&fitness);
+                self.evaluator.observer.generation(&generation, self.total);
+                self.generations.push(generation);
+            }
         }
-        Ok(optimizer)
+        Ok(optimizers)
     }
 }

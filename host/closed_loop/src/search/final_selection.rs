@@ -85,7 +85,8 @@ impl FinalSelection {
     }
 
     /// Index of the finalist with the lowest fitness over all pairs. The incumbent keeps its place
-    /// unless another is more than [`AHEAD`] standard errors better. `None` when interrupted.
+    /// unless another is more than [`AHEAD`] standard errors better, or it may not be chosen and
+    /// another may. `None` when interrupted.
     pub(super) fn winner(
         &mut self,
         incumbent: usize,
@@ -104,7 +105,8 @@ impl FinalSelection {
             let leader = self.leader(&left, seen, fitness);
             if seen == self.pairs {
                 let behind = self.behind(incumbent, leader, seen, fitness);
-                let stays = behind.is_some_and(|behind| behind <= AHEAD);
+                let [own, best] = [incumbent, leader].map(|i| self.standing(i, seen, fitness).0);
+                let stays = own == best && behind.is_some_and(|behind| behind <= AHEAD);
                 return Ok(Some(if stays { incumbent } else { leader }));
             }
             left = self.go_on(&left, leader, seen, fitness);

@@ -1,6 +1,6 @@
 //! Fitness of a candidate: its error, and the cost of its scans beside the start's.
 
-use echoloop_statistics::paired_standard_error;
+use echoloop_statistics::{paired_standard_error, paired_t};
 
 use crate::config::preset::ErrorMean;
 use crate::config::{DataConfig, TuneConfig};
@@ -50,32 +50,50 @@ impl Fitness<'_> {
     /// Loss of one pair, whose mean is the fitness, so that candidates can be compared pair by
     /// pair; `None` where fitness is not a mean of losses.
     pub(super) fn loss(&self, error: &PairError, cost: Option<&ScanCost>) -> Option<f64> {
-        let loss = Worth::from(self.tune).loss(error);
-        let factor = match (cost.zip(self.start_cost()), self.tune.minimise) {
-            (None, _) => return Some(loss),
-            (Some(_), Some(_)) => return None,
-            (Some((cost, start)), None) => self.tune.weights.factor(cost, &start),
-        };
-        Some(match self.tune.error_mean {
-            ErrorMean::Arithmetic => loss * factor,
-            ErrorMean::Geometric => loss + libm::log(factor),
-        })
+        let worth = Worth::from(self.tune);
+        let loss = worth.loss(error);
+        match (cost.zip(self.start_cost()), self.tune.minimise) {
+            (None, _) => Some(loss),
+            (Some(_), Some(_)) => None,
+            (Some((cost, start)), None) => {
+                Some(worth.times(loss, self.tune.weights.factor(cost, &start)))
+            }
+        }
     }
 
-    /// True when errors exceed the limit under which a cost is minimised. During a search the
-    /// penalty shows the way back; a candidate that pays it may not be chosen.
+    /// True when errors are such that a candidate may not be chosen. Where a cost is minimised:
+    /// beyond its limit, to which the penalty shows the way back during the search. Else: more
+    /// pairs lost than the start loses, or a plain mean that is larger by a standard error. A mean
+    /// that few bad pairs hardly move does not see these; whoever uses the sensor does.
     pub(super) fn is_beyond_the_limit(&self, errors: &[PairError]) -> bool {
-        self.tune.minimise.is_some()
-            && !self.start.is_empty()
-            && self.penalty(errors, Worth::from(self.tune).of(errors)) > 1.0
+        if self.start.is_empty() {
+            return false;
+        }
+        if self.tune.minimise.is_some() {
+            return self.penalty(errors, Worth::from(self.tune).of(errors)) > 1.0;
+        }
+        let of_start = self.of_start(errors);
+        let plain = Worth { mean: ErrorMean::Arithmetic, cap: self.tune.error_cap };
+        let losses = |errors: &[PairError]| -> Vec<f64> {
+            errors.iter().map(|error| plain.loss(error)).collect()
+        };
+        self.lost(errors) > self.lost(&of_start)
+            || paired_t(&losses(errors), &losses(&of_start)) > SURE
+    }
+
+    /// Errors of the start on the pairs of these.
+    fn of_start(&self, errors: &[PairError]) -> Vec<PairError> {
+        errors.iter().filter_map(|e| Some(self.start.get(e.pair)?.error.clone())).collect()
+    }
+
+    fn lost(&self, errors: &[PairError]) -> usize {
+        errors.iter().filter(|error| !succeeds(error, self.data)).count()
     }
 
     /// Penalty factor: 1 within the limit, growing beyond it.
     fn penalty(&self, errors: &[PairError], worth: f64) -> f64 {
-        let of_start: Vec<PairError> =
-            errors.iter().filter_map(|e| Some(self.start.get(e.pair)?.error.clone())).collect();
-        let lost = |errors: &[PairError]| errors.iter().filter(|e| !succeeds(e, self.data)).count();
-        let more_lost = lost(errors).saturating_sub(lost(&of_start)) as i32;
+        let of_start = self.of_start(errors);
+        let more_lost = self.lost(errors).saturating_sub(self.lost(&of_start)) as i32;
         let ratio = self.at_most(errors, &of_start, worth / Worth::from(self.tune).of(&of_start));
         libm::pow((ratio / self.tune.at_most_error).max(1.0), BEYOND) * LOST.powi(more_lost)
     }
@@ -90,10 +108,7 @@ impl Fitness<'_> {
             errors.iter().map(|error| worth.loss(error)).collect()
         };
         let above = SURE * paired_standard_error(&losses(errors), &losses(of_start));
-        match self.tune.error_mean {
-            ErrorMean::Arithmetic => ratio + above / worth.of(of_start),
-            ErrorMean::Geometric => ratio * libm::exp(above),
-        }
+        worth.of_mean_loss(worth.mean_loss(errors) + above) / worth.of(of_start)
     }
 
     fn start_cost(&self) -> Option<ScanCost> {
@@ -135,19 +150,29 @@ mod tests {
 
     #[test]
     fn weighted_a_hundredth_of_the_light_is_worth_a_fifth_of_the_error() {
-        let (tune, data) = (TuneConfig::default(), DataConfig::default());
-        let measure = Fitness { tune: &tune, data: &data, start: start() };
+        let data = DataConfig::default();
         let errors = [error(0, 0.01), error(1, 0.04)];
-        let fitness = measure.of(&errors, cost(0.01).as_ref());
-        assert!(close(fitness, 0.02 * 0.01f64.powf(0.05)), "{fitness}");
-        let losses: f64 = errors.iter().filter_map(|e| measure.loss(e, cost(0.01).as_ref())).sum();
-        assert!(close((losses / 2.0).exp(), fitness), "the mean of the losses is the fitness");
-        assert!(close(measure.of(&errors, None), 0.02));
+        for (error_mean, expected) in [
+            (ErrorMean::Arithmetic, 0.025),
+            (ErrorMean::SquareRoot, 0.0225),
+            (ErrorMean::Geometric, 0.02),
+        ] {
+            let tune = TuneConfig { error_mean, ..TuneConfig::default() };
+            let measure = Fitness { tune: &tune, data: &data, start: start() };
+            let fitness = measure.of(&errors, cost(0.01).as_ref());
+            assert!(close(fitness, expected * 0.01f64.powf(0.05)), "{fitness}");
+            let losses = errors.iter().filter_map(|e| measure.loss(e, cost(0.01).as_ref()));
+            let mean = losses.sum::<f64>() / 2.0;
+            let of_losses = Worth::from(&tune).of_mean_loss(mean);
+            assert!(close(of_losses, fitness), "the mean of the losses is the fitness");
+            assert!(close(measure.of(&errors, None), expected));
+        }
     }
 
     #[test]
     fn the_least_energy_wins_as_long_as_the_error_is_within_the_limit_and_no_pair_is_lost() {
-        let tune = TuneConfig { minimise: Some(CostKind::Energy), ..TuneConfig::default() };
+        let (minimise, error_mean) = (Some(CostKind::Energy), ErrorMean::Geometric);
+        let tune = TuneConfig { minimise, error_mean, ..TuneConfig::default() };
         let data = DataConfig::default();
         let measure = Fitness { tune: &tune, data: &data, start: start() };
         let fitness = |first: f64, second: f64, energy: f64| {
@@ -168,10 +193,38 @@ mod tests {
     }
 
     #[test]
+    fn what_loses_more_pairs_than_the_start_or_errs_more_in_the_mean_may_not_be_chosen() {
+        let (tune, data) = (TuneConfig::default(), DataConfig::default());
+        // Of 40 pairs the start loses one, which nobody finds.
+        let errors = |least: f64, last: f64| -> Vec<PairError> {
+            let own = |i: usize| match i {
+                0 => 3.0,
+                39 => last,
+                _ => least * (1.0 + 0.1 * (i % 3) as f64),
+            };
+            (0..40).map(|i| error(i, own(i))).collect()
+        };
+        let start = errors(0.01, 0.02).into_iter().map(|error| PairResult { error, cost: None });
+        let measure = Fitness { tune: &tune, data: &data, start: start.collect() };
+        let refused = |least, last| measure.is_beyond_the_limit(&errors(least, last));
+        assert!(!refused(0.01, 0.02), "the start itself");
+        assert!(!refused(0.005, 0.02));
+        assert!(refused(0.0001, 0.6), "a hundredth of the error, and a pair lost");
+        assert!(refused(0.011, 0.02), "a tenth more on every pair");
+        assert!(!refused(0.009, 0.03), "one that is worse among 38 that are better");
+        let nothing = Fitness { start: Vec::new(), ..measure };
+        assert!(!nothing.is_beyond_the_limit(&errors(0.1, 0.6)), "nothing to compare with");
+    }
+
+    #[test]
     fn many_pairs_hold_the_error_to_the_limit_with_its_own_doubt() {
         let data = DataConfig::default();
         // Both means are just below 1.2.
-        for (mean, low) in [(ErrorMean::Geometric, 0.7), (ErrorMean::Arithmetic, 0.35)] {
+        for (mean, low) in [
+            (ErrorMean::Geometric, 0.7),
+            (ErrorMean::SquareRoot, 0.56),
+            (ErrorMean::Arithmetic, 0.35),
+        ] {
             let minimise = Some(CostKind::Energy);
             let tune = TuneConfig { minimise, error_mean: mean, ..TuneConfig::default() };
             let start = (0..16).map(|i| PairResult { error: error(i, 0.02), cost: cost(1.0) });

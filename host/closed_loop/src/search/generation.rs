@@ -9,10 +9,11 @@ use super::replay::difference;
 use super::search_run::SearchRun;
 use super::stage::Stage;
 use super::tune_search::TuneError;
-use crate::config::preset::Strategy;
+use crate::config::preset::{Sampler, Strategy};
 use crate::parameters::Parameters;
 use crate::run_folder::journal::{CandidateRecord, Generation};
 use crate::seed::{Purpose, derive};
+use echoloop_random::Generator;
 
 /// A generation before its first scan: without errors and fitness.
 pub(super) struct Asked {
@@ -39,15 +40,30 @@ impl SearchRun<'_> {
         Ok(CmaEs::new(config)?)
     }
 
-    /// The next generation that the optimiser asks for, `number` in its line of stages.
-    pub(super) fn ask(&self, stage: &Stage, number: u32, optimizer: &CmaEs, base: &[f64]) -> Asked {
-        let points = optimizer.ask().into_iter().map(|c| stage.expanded(&c.phenotype, base));
+    /// The next generation that the optimiser asks for, the `step`th of its stage and the
+    /// `place`th of those asked for at once, both from 0.
+    pub(super) fn ask(
+        &self,
+        stage: &Stage,
+        (place, step): (usize, u32),
+        optimizer: &CmaEs,
+        base: &[f64],
+    ) -> Asked {
+        let number = stage.place.generations + step;
+        let asked = optimizer.ask();
+        let points = asked.into_iter().enumerate().map(|(candidate, asked)| {
+            let own = match self.search.config.tune.sampler {
+                Sampler::CmaEs => asked.phenotype,
+                Sampler::Random => self.even(number, candidate, stage.axes.len()),
+            };
+            stage.expanded(&own, base)
+        });
         let space = &self.search.space;
         let (parameters, candidates) =
             points.map(|point| CandidateRecord::drawn(space, point)).unzip();
         let still = vec![0.0; base.len()];
         let generation = Generation {
-            generation: self.generations.len() as u32,
+            generation: (self.generations.len() + place) as u32,
             stage: stage.name.to_string(),
             pairs: self.pairs_of(number.into(), stage.pairs),
             mean: stage.expanded(optimizer.mean(), base),
@@ -56,6 +72,13 @@ impl SearchRun<'_> {
             candidates,
         };
         Asked { generation, parameters, number }
+    }
+
+    /// A point drawn evenly from the unit cube.
+    fn even(&self, number: u32, candidate: usize, axes: usize) -> Vec<f64> {
+        let seed = derive(self.search.config.seed, Purpose::Search, number.into());
+        let mut generator = Generator::new(seed, candidate as u64);
+        (0..axes).map(|_| generator.unit()).collect()
     }
 
     /// Training pairs of a generation, drawn by weight without repetition, ascending.
@@ -74,25 +97,48 @@ impl SearchRun<'_> {
         pairs
     }
 
-    /// Scans and registers every candidate on the generation's pairs, and adds the generation to
-    /// the journal.
-    pub(super) fn scan_and_register(&mut self, asked: Asked) -> Result<Generation, TuneError> {
-        let Asked { mut generation, parameters, number } = asked;
-        let mut tasks = Vec::with_capacity(parameters.len() * generation.pairs.len());
-        for (candidate, parameters) in parameters.iter().enumerate() {
-            let task =
-                |&pair| Task { parameters, pair, noise: self.noise(number, pair, candidate) };
-            tasks.extend(generation.pairs.iter().map(task));
-        }
+    /// Scans and registers every candidate on its generation's pairs, and adds the generations to
+    /// the journal; those that it holds already are compared instead.
+    pub(super) fn scan_and_register(
+        &mut self,
+        mut asked: Vec<Asked>,
+    ) -> Result<Vec<Generation>, TuneError> {
+        let known = self.recorded.len().min(asked.len());
+        let fresh = asked.split_off(known);
+        let recorded: Vec<Generation> = self.recorded.drain(..known).collect();
+        let compared = recorded.into_iter().zip(&asked);
+        let mut generations: Vec<Generation> = compared
+            .map(|(recorded, asked)| self.compared(recorded, asked))
+            .collect::<Result<_, _>>()?;
+        let tasks: Vec<Task<'_>> = fresh.iter().flat_map(|asked| self.tasks(asked)).collect();
         let results = self.evaluator.evaluate(&tasks)?.ok_or_else(|| self.interrupted())?;
-        let each = results.chunks(generation.pairs.len());
-        for (candidate, results) in generation.candidates.iter_mut().zip(each) {
-            candidate.errors = results.iter().map(|result| result.error.clone()).collect();
-            candidate.cost = mean_cost(results);
-            candidate.fitness = self.fitness.of(&candidate.errors, candidate.cost.as_ref());
+        let mut left = results.as_slice();
+        for Asked { mut generation, .. } in fresh {
+            for candidate in &mut generation.candidates {
+                let (results, others) = left.split_at(generation.pairs.len());
+                candidate.errors = results.iter().map(|result| result.error.clone()).collect();
+                candidate.cost = mean_cost(results);
+                candidate.fitness = self.fitness.of(&candidate.errors, candidate.cost.as_ref());
+                left = others;
+            }
+            self.journal.add(&generation)?;
+            generations.push(generation);
         }
-        self.journal.add(&generation)?;
-        Ok(generation)
+        Ok(generations)
+    }
+
+    /// Registrations of a generation: its pairs by each candidate.
+    fn tasks<'a>(&self, asked: &'a Asked) -> Vec<Task<'a>> {
+        let pairs = &asked.generation.pairs;
+        let task = |(candidate, parameters): (usize, &'a Parameters), pair: usize| Task {
+            parameters,
+            pair,
+            noise: self.noise(asked.number, pair, candidate),
+        };
+        let candidates = asked.parameters.iter().enumerate();
+        candidates
+            .flat_map(|candidate| pairs.iter().map(move |&pair| task(candidate, pair)))
+            .collect()
     }
 
     /// Seed of the noise of a registration's scans; one for all candidates with common noise.
@@ -105,15 +151,14 @@ impl SearchRun<'_> {
     }
 
     /// The journal's generation, when it is the one that is asked for now.
-    pub(super) fn compared(
-        &self,
-        recorded: Generation,
-        asked: &Asked,
-    ) -> Result<Generation, TuneError> {
+    fn compared(&self, recorded: Generation, asked: &Asked) -> Result<Generation, TuneError> {
         let fitness = |c: &CandidateRecord| self.fitness.of(&c.errors, c.cost.as_ref());
         match difference(&recorded, &asked.generation, &fitness) {
             None => Ok(recorded),
-            Some(field) => Err(TuneError::Diverged { generation: self.generations.len(), field }),
+            Some(field) => {
+                let generation = asked.generation.generation as usize;
+                Err(TuneError::Diverged { generation, field })
+            }
         }
     }
 }

@@ -5,6 +5,7 @@ use std::fmt;
 use crate::run_folder::journal::Generation;
 
 const START: &str = "start";
+const COMBINED: &str = "halves combined";
 const WARM_START: &str = "warm start ";
 const MEAN: &str = ", mean";
 
@@ -16,6 +17,8 @@ pub enum Origin {
     Start,
     /// Parameters tuned elsewhere, by their number among the warm starts, from 1.
     WarmStart(usize),
+    /// The winners of both halves, put together.
+    Combined,
     /// The optimiser's mean at the end of a stage.
     Mean {
         /// Name of the stage.
@@ -37,6 +40,7 @@ impl fmt::Display for Origin {
         match self {
             Self::Start => f.write_str(START),
             Self::WarmStart(number) => write!(f, "{WARM_START}{number}"),
+            Self::Combined => f.write_str(COMBINED),
             Self::Mean { stage } => write!(f, "{stage}{MEAN}"),
             Self::Candidate { stage, generation, candidate } => {
                 write!(f, "{stage}, generation {generation}, candidate {candidate}")
@@ -62,6 +66,7 @@ impl Origin {
         }
         match text {
             START => Some(Self::Start),
+            COMBINED => Some(Self::Combined),
             _ => {
                 let (stage, rest) = text.split_once(", generation ")?;
                 let (generation, candidate) = rest.split_once(", candidate ")?;
@@ -85,6 +90,7 @@ mod tests {
         for (origin, text) in [
             (Origin::Start, "start"),
             (Origin::WarmStart(2), "warm start 2"),
+            (Origin::Combined, "halves combined"),
             (Origin::Mean { stage: stage() }, "registration, mean"),
             (
                 Origin::Candidate { stage: stage(), generation: 12, candidate: 0 },

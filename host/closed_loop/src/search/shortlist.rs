@@ -5,28 +5,37 @@ use echoloop_statistics::median;
 
 use super::origin::Origin;
 use super::stage::Stage;
+use crate::config::preset::Sampler;
 use crate::parameters::{Parameters, Space};
 use crate::run_folder::journal::Generation;
 
 /// The optimiser's mean, and the best candidate of each of the `count` best generations of a
-/// stage's second half. `base` holds the coordinates that the stage does not move.
+/// stage's second half; of points drawn at random, of all its generations, and no mean. `base`
+/// holds the coordinates that the stage does not move.
 pub(super) fn shortlist(
     stage: &Stage,
     optimizer: &CmaEs,
     generations: &[Generation],
     (space, base): (&Space, &[f64]),
-    count: usize,
+    (count, sampler): (usize, Sampler),
 ) -> Vec<(Origin, Parameters)> {
-    // In its first half the search is still on its way; a stage may have ended early.
-    let own = generations.iter().filter(|generation| generation.stage == stage.name);
-    let late = &generations[generations.len() - own.count() / 2..];
-    let mut best: Vec<(f64, &Generation, usize)> = late.iter().filter_map(best_of).collect();
+    let own = || generations.iter().filter(|generation| generation.stage == stage.name);
+    let count_of_own = own().count(); // a stage may have ended early
+    // In its first half the search is still on its way.
+    let early = match sampler {
+        Sampler::CmaEs => count_of_own - count_of_own / 2,
+        Sampler::Random => 0,
+    };
+    let mut best: Vec<(f64, &Generation, usize)> = own().skip(early).filter_map(best_of).collect();
     best.reverse(); // the later generations first among equals
     best.sort_by(|a, b| a.0.total_cmp(&b.0));
     best.truncate(count);
-    let mean = stage.expanded(optimizer.mean(), base);
-    let origin_of_mean = Origin::Mean { stage: stage.name.to_string() };
-    let mut list = vec![(origin_of_mean, space.parameters(&mean).0)];
+    let mut list = Vec::new();
+    if sampler == Sampler::CmaEs {
+        let mean = stage.expanded(optimizer.mean(), base);
+        let origin = Origin::Mean { stage: stage.name.to_string() };
+        list.push((origin, space.parameters(&mean).0));
+    }
     list.extend(best.into_iter().map(|(_, generation, i)| {
         (Origin::of(generation, i), space.parameters(&generation.candidates[i].point).0)
     }));

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 
 use crate::config::TuneConfig;
-use crate::config::preset::Strategy;
+use crate::config::preset::{Sampler, Strategy};
 use crate::parameters::Space;
 
 /// One search of a run: some axes, from the start or from the winner so far. Results keep its name
@@ -75,35 +75,49 @@ impl Stage {
     }
 }
 
-/// Stages of a run on `train_pairs` training pairs.
+/// Shares of a search's registrations, where their number is given: of each half alone, of the
+/// sensor again beside registration's winner, and of both together.
+const SHARES: [f64; 4] = [0.3, 0.25, 0.15, 0.3];
+
+/// Initial step size of a stage that goes on from a winner, as a share of the configured one.
+const LATER: f64 = 0.5;
+
+/// Stages of a run on `train_pairs` training pairs. Those from the start are searched side by side,
+/// then the others.
 pub fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> Vec<Stage> {
     let plan = Plan { config, space, train_pairs };
     let (lidar, registration) = (space.lidar_axes(), space.registration_axes());
     let all: Vec<usize> = (0..space.axes().len()).collect();
     let is_joint = !lidar.is_empty() && !registration.is_empty();
     let (generations, last) = (config.generations, config.last_generations());
-    match config.strategy {
-        _ if all.is_empty() => Vec::new(),
-        Strategy::Fast if is_joint => {
-            let first = Place::default();
-            let second = first.after(generations);
-            let third = second.after(generations.div_ceil(2));
-            vec![
-                plan.stage("lidar alone", lidar.clone(), generations, first),
-                plan.stage("registration", registration, generations, first),
-                plan.stage("lidar", lidar, generations.div_ceil(2), second),
-                plan.stage("joint", all, last.div_ceil(2), third),
-            ]
-        }
-        _ => {
-            let name = match (lidar.is_empty(), registration.is_empty()) {
-                (false, true) => "lidar",
-                (true, false) => "registration",
-                _ => "joint",
-            };
-            vec![plan.stage(name, all, last, Place::default())]
-        }
+    let is_staged = config.strategy == Strategy::Fast && config.sampler == Sampler::CmaEs;
+    if all.is_empty() {
+        return Vec::new();
     }
+    if is_staged && is_joint {
+        let first = Place::default();
+        let halves = [
+            plan.stage("lidar alone", lidar.clone(), (generations, SHARES[0]), first),
+            plan.stage("registration", registration, (generations, SHARES[1]), first),
+        ];
+        let second = first.after(halves[0].generations.max(halves[1].generations));
+        let sensor = plan.stage("lidar", lidar, (generations.div_ceil(2), SHARES[2]), second);
+        let third = second.after(sensor.generations);
+        let both = plan.stage("joint", all, (last.div_ceil(2), SHARES[3]), third);
+        return halves.into_iter().chain([sensor, both]).collect();
+    }
+    let [name, again] = match (lidar.is_empty(), registration.is_empty()) {
+        (false, true) => ["lidar", "lidar again"],
+        (true, false) => ["registration", "registration again"],
+        _ => ["joint", "joint again"],
+    };
+    // A half begins anew at its winner, as it does beside the other.
+    if is_staged && config.registrations > 0 {
+        let first = plan.stage(name, all.clone(), (last, 0.5), Place::default());
+        let second = Place::default().after(first.generations);
+        return vec![first, plan.stage(again, all, (last, 0.5), second)];
+    }
+    vec![plan.stage(name, all, (last, 1.0), Place::default())]
 }
 
 struct Plan<'a> {
@@ -113,8 +127,14 @@ struct Plan<'a> {
 }
 
 impl Plan<'_> {
-    /// A stage that moves `axes`.
-    fn stage(&self, name: &'static str, axes: Vec<usize>, generations: u32, place: Place) -> Stage {
+    /// A stage that moves `axes`, of so many generations, or of its share of the registrations.
+    fn stage(
+        &self,
+        name: &'static str,
+        axes: Vec<usize>,
+        (generations, share): (u32, f64),
+        place: Place,
+    ) -> Stage {
         let config = self.config;
         let scans_are_shared =
             axes.iter().all(|axis| self.space.registration_axes().contains(axis));
@@ -123,15 +143,14 @@ impl Plan<'_> {
             some if scans_are_shared && config.strategy == Strategy::Fast => 2 * some,
             some => some,
         };
-        Stage {
-            name: name.into(),
-            place,
-            generations,
-            population: self.population(axes.len()),
-            pairs: pairs.min(self.train_pairs),
-            sigma: config.sigma,
-            axes,
-        }
+        let (pairs, population) = (pairs.min(self.train_pairs), self.population(axes.len()));
+        let generations = match config.registrations {
+            0 => generations,
+            all => ((share * all as f64 / (population * pairs) as f64).round() as u32).max(1),
+        };
+        // What goes on from a winner looks near it.
+        let sigma = if place.searches == 0 { config.sigma } else { LATER * config.sigma };
+        Stage { name: name.into(), place, generations, population, pairs, sigma, axes }
     }
 
     /// λ as configured; by default the number of axes (Sec. 4.2).

@@ -2,11 +2,13 @@
 
 use super::batch::{Evaluator, Task};
 use super::final_selection::FinalSelection;
+use super::fitness::Fitness;
 use super::origin::Origin;
 use super::search_run::SearchRun;
 use super::shortlist::shortlist;
 use super::stage::Stage;
 use super::tune_search::{Check, Finalist, Observer, TuneError, TuneSearch, Tuned};
+use crate::config::TuneConfig;
 use crate::config::preset::Strategy;
 use crate::evaluation::objective::Worth;
 use crate::evaluation::summary::succeeds;
@@ -45,7 +47,7 @@ impl SearchRun<'_> {
         let start = self.search.space.start_point();
         let mut optimizer = None;
         for stage in &self.search.stages() {
-            optimizer = Some(self.closed_loop(stage, &start)?);
+            optimizer = self.closed_loop(&[(stage, start.clone())])?.pop();
         }
         self.expect_end_of_journal()?;
         let candidates = self.generations.iter().flat_map(|generation| {
@@ -69,70 +71,77 @@ impl SearchRun<'_> {
         Ok(self.tuned(parameters, origin, vec![finalist], optimizer.as_ref(), &[]))
     }
 
-    /// Each protocol part from the best of start and warm starts; then one stage after the other,
-    /// each from the winner of the one before, the first of them from registration's.
+    /// Each half from the best of start and warm starts. Then, side by side, the sensor from
+    /// registration's winner, and both from the best so far, to which the winners of both halves
+    /// put together belong.
     fn fast(mut self) -> Result<Tuned, TuneError> {
         let search = self.search;
-        let stages = search.stages();
+        let (halves, later): (Vec<Stage>, Vec<Stage>) =
+            search.stages().into_iter().partition(Stage::is_from_the_start);
         let mut selection =
             FinalSelection::new(search.bench.dataset.train.len(), search.config.seed);
-        let mut incumbent = selection.enter(Origin::Start, search.start);
-        if !stages.is_empty() {
-            self.select(&mut selection, incumbent, Vec::new())?;
-            self.fitness.start = selection.results(incumbent).to_vec();
+        let start = selection.enter(Origin::Start, search.start);
+        let mut begin = start;
+        if !halves.is_empty() {
+            self.select(&mut selection, start, Vec::new())?;
+            self.fitness.start = selection.results(start).to_vec();
             self.expect_something_to_keep()?;
             self.pair_weights = weights_by_difficulty(&self.losses_of_start());
-        }
-        let mut winners = vec![incumbent];
-        if !stages.is_empty() && !search.warm_starts.is_empty() {
             let each = search.warm_starts.iter().enumerate();
             let warm = each.map(|(i, own)| selection.enter(Origin::WarmStart(i + 1), *own));
-            let warm = warm.collect();
-            incumbent = self.select(&mut selection, incumbent, warm)?;
-            winners.push(incumbent);
-        }
-        let (parts, later): (Vec<Stage>, Vec<Stage>) =
-            stages.into_iter().partition(Stage::is_from_the_start);
-        let (begin, mut optimizer) = (incumbent, None);
-        let before = winners.clone();
-        for part in &parts {
-            let (finalists, own) = self.finalists(part, &mut selection, begin)?;
-            incumbent = self.select(&mut selection, begin, [&before[..], &finalists].concat())?;
-            winners.push(incumbent);
-            optimizer = Some(own);
-        }
-        // The parts end with registration. Its winner is what tuning the sensor, too, has to beat.
-        let registration = incumbent;
-        for (number, stage) in later.iter().enumerate() {
-            let is_last = number + 1 == later.len();
-            let mut finalists = winners.clone();
-            // Where registration keeps what it began at, the sensor was searched from there
-            // already.
-            if !is_last && registration == begin {
-                self.total -= stage.generations;
-            } else {
-                let (found, own) = self.finalists(stage, &mut selection, incumbent)?;
-                finalists.extend(found);
-                optimizer = Some(own);
+            let warm: Vec<usize> = warm.collect();
+            if !warm.is_empty() {
+                begin = self.select(&mut selection, start, warm)?;
             }
-            let from = if is_last { registration } else { incumbent };
-            incumbent = self.select(&mut selection, from, finalists)?;
-            winners.push(incumbent);
+        }
+        let mut winners = vec![start, begin];
+        let from_begin: Vec<_> = halves.iter().map(|half| (half, begin)).collect();
+        let (found, mut optimizer) = self.finalists(&from_begin, &mut selection)?;
+        for finalists in found {
+            let among = [&[start, begin][..], &finalists].concat();
+            winners.push(self.select(&mut selection, begin, among)?);
+        }
+        // The halves end with registration. Its winner is what tuning the sensor, too, has to beat.
+        let registration = winners[winners.len() - 1];
+        let mut choice = registration;
+        if !later.is_empty() {
+            if let [_, _, lidar, registration] = winners[..] {
+                let own = Parameters {
+                    registration: selection.parameters(registration).registration,
+                    ..*selection.parameters(lidar)
+                };
+                winners.push(selection.enter(Origin::Combined, own));
+            }
+            let best = self.select(&mut selection, registration, winners.clone())?;
+            let mut from: Vec<(&Stage, usize)> = Vec::new();
+            let (last, before) = later.split_last().map_or((None, &[][..]), |(l, b)| (Some(l), b));
+            for stage in before {
+                // Where registration keeps what it began at, the sensor was searched from there
+                // already.
+                match registration == begin {
+                    true => self.total -= stage.generations,
+                    false => from.push((stage, registration)),
+                }
+            }
+            from.extend(last.map(|stage| (stage, best)));
+            let (found, own) = self.finalists(&from, &mut selection)?;
+            optimizer = own.or(optimizer);
+            let finalists = [&winners[..], &found.concat()].concat();
+            choice = self.select(&mut selection, registration, finalists)?;
         }
         self.expect_end_of_journal()?;
-        let checked = match incumbent == registration {
-            true => None,
-            false => self.checked(&selection, registration, incumbent)?,
-        };
+        let mut simpler = vec![start];
+        simpler.extend(&winners[1..]);
+        let checked = self.checked(&selection, &simpler, choice)?;
         let mut errors = selection.errors();
-        errors.extend(checked.iter().flat_map(|(selection, _)| selection.errors()));
-        let check = checked.as_ref().map(|(_, check)| *check);
-        if check.is_some_and(|check| !check.holds) {
-            incumbent = registration;
+        let mut check = None;
+        if let Some((on_check_pairs, standing, result)) = &checked {
+            errors.extend(on_check_pairs.errors());
+            (choice, check) = (*standing, Some(result.clone()));
         }
-        let origin = selection.origin(incumbent).clone();
+        let origin = selection.origin(choice).clone();
         let values = |parameters: &Parameters| search.space.values(parameters);
-        let parameters = *selection.parameters(incumbent);
+        let parameters = *selection.parameters(choice);
         let finalists = selection.finalists(&self.fitness, values);
         Ok(Tuned {
             check,
@@ -140,49 +149,78 @@ impl SearchRun<'_> {
         })
     }
 
-    /// Compares the choice with registration's winner on pairs that no search has seen: on pairs
-    /// of a search the best of several equals is easily ahead by chance. `None` without such pairs,
-    /// or where an exact cost decides.
+    /// Compares the choice with the `simpler` ones, from the start on, on pairs that no search has
+    /// seen: on pairs of a search the best of several equals is easily ahead by chance. Each has to
+    /// be ahead of what stands before it. Returns what stands in the end; `None` without such
+    /// pairs, where an exact cost decides, or where the start is the choice.
     fn checked(
         &self,
         selection: &FinalSelection,
-        registration: usize,
+        simpler: &[usize],
         choice: usize,
-    ) -> Result<Option<(FinalSelection, Check)>, TuneError> {
+    ) -> Result<Option<(FinalSelection, usize, Check)>, TuneError> {
         let search = self.search;
         let pairs = &search.bench.dataset.check[..];
-        if pairs.is_empty() || !TuneSearch::is_checked(&search.stages(), search.config) {
+        let mut each: Vec<usize> = Vec::new();
+        for &i in simpler.iter().chain([&choice]) {
+            each.retain(|&other| other != i);
+            each.push(i);
+        }
+        let is_start = choice == simpler[0];
+        if is_start || pairs.is_empty() || search.config.tune.minimise.is_some() {
             return Ok(None);
         }
         let evaluator = Evaluator { pairs, ..self.evaluator };
         let seed = derive(search.config.seed, Purpose::Check, 0);
         let mut check = FinalSelection::new(pairs.len(), seed);
-        let [registration, choice] = [registration, choice]
-            .map(|i| check.enter(selection.origin(i).clone(), *selection.parameters(i)));
-        // The incumbent has to be evaluated on all pairs before anybody is compared with it.
-        self.select_on(&evaluator, &mut check, registration, Vec::new())?;
-        let winner = self.select_on(&evaluator, &mut check, registration, vec![choice])?;
-        let seen = check.results(choice).len();
-        let ahead = check.behind(registration, choice, seen, &self.fitness).unwrap_or_default();
-        // It is infinite where every pair differs by the same amount; JSON has no such number.
-        let ahead = ahead.clamp(-99.0, 99.0);
-        Ok(Some((check, Check { pairs: seen, ahead, holds: winner == choice })))
+        let entered: Vec<usize> = each
+            .iter()
+            .map(|&i| check.enter(selection.origin(i).clone(), *selection.parameters(i)))
+            .collect();
+        let mut standing = entered[0];
+        let mut against = standing;
+        // What stands has to be evaluated on all pairs before anybody is compared with it.
+        self.select_on((&evaluator, &self.fitness), &mut check, standing, Vec::new())?;
+        // Of these pairs, too, none of them may lose more than the start.
+        let of_start = check.results(standing).to_vec();
+        let fitness = &Fitness { start: of_start, ..self.fitness };
+        for &next in &entered[1..] {
+            against = standing;
+            standing = self.select_on((&evaluator, fitness), &mut check, standing, vec![next])?;
+        }
+        let last = entered[entered.len() - 1];
+        let seen = check.results(last).len();
+        let ahead = check.behind(against, last, seen, fitness).unwrap_or_default();
+        let result = Check {
+            pairs: seen,
+            // It is infinite where every pair differs by the same amount; JSON has no such number.
+            ahead: ahead.clamp(-99.0, 99.0),
+            holds: standing == last,
+            of: check.origin(against).to_string(),
+        };
+        let standing = entered.iter().position(|&i| i == standing).map_or(choice, |at| each[at]);
+        Ok(Some((check, standing, result)))
     }
 
-    /// Searches a stage from one of the selection, and enters its shortlist.
+    /// Searches stages side by side, each from one of the selection, and enters their shortlists.
+    /// Returns the finalists of each, and the optimiser of the last.
     fn finalists(
         &mut self,
-        stage: &Stage,
+        stages: &[(&Stage, usize)],
         selection: &mut FinalSelection,
-        from: usize,
-    ) -> Result<(Vec<usize>, CmaEs), TuneError> {
+    ) -> Result<(Vec<Vec<usize>>, Option<CmaEs>), TuneError> {
+        let TuneConfig { shortlist: count, sampler, .. } = self.search.config.tune;
         let space = &self.search.space;
-        let base = space.point(selection.parameters(from));
-        let optimizer = self.closed_loop(stage, &base)?;
-        let count = self.search.config.tune.shortlist;
-        let list = shortlist(stage, &optimizer, &self.generations, (space, &base), count);
-        let entered = list.into_iter().map(|(origin, own)| selection.enter(origin, own));
-        Ok((entered.collect(), optimizer))
+        let base = |&(stage, from): &(_, usize)| (stage, space.point(selection.parameters(from)));
+        let stages: Vec<(&Stage, Vec<f64>)> = stages.iter().map(base).collect();
+        let mut optimizers = self.closed_loop(&stages)?;
+        let each = stages.iter().zip(&optimizers);
+        let entered = each.map(|((stage, base), optimizer)| {
+            let of_stage = (space, &base[..]);
+            let list = shortlist(stage, optimizer, &self.generations, of_stage, (count, sampler));
+            list.into_iter().map(|(origin, own)| selection.enter(origin, own)).collect()
+        });
+        Ok((entered.collect(), optimizers.pop()))
     }
 
     /// Index of the winner among the incumbent and some finalists, on all training pairs.
@@ -192,13 +230,13 @@ impl SearchRun<'_> {
         incumbent: usize,
         finalists: Vec<usize>,
     ) -> Result<usize, TuneError> {
-        self.select_on(&self.evaluator, selection, incumbent, finalists)
+        self.select_on((&self.evaluator, &self.fitness), selection, incumbent, finalists)
     }
 
-    /// The same on an evaluator's pairs.
+    /// The same on an evaluator's pairs, by a fitness of them.
     fn select_on(
         &self,
-        evaluator: &Evaluator<'_>,
+        (evaluator, fitness): (&Evaluator<'_>, &Fitness<'_>),
         selection: &mut FinalSelection,
         incumbent: usize,
         finalists: Vec<usize>,
@@ -206,7 +244,7 @@ impl SearchRun<'_> {
         let most = (1 + finalists.len()) * evaluator.pairs.len();
         evaluator.observer.stage("choosing", most);
         let evaluate = |tasks: &[Task<'_>]| evaluator.evaluate(tasks);
-        let winner = selection.winner(incumbent, finalists, &self.fitness, &evaluate)?;
+        let winner = selection.winner(incumbent, finalists, fitness, &evaluate)?;
         winner.ok_or_else(|| self.interrupted())
     }
 

@@ -8,6 +8,7 @@ use thiserror::Error;
 
 use super::stage::{Stage, stages};
 use crate::config::RunConfig;
+use crate::config::preset::Strategy;
 use crate::cost::Scanner;
 use crate::dataset::ScanPair;
 use crate::dataset::fingerprint::{Content, build};
@@ -103,25 +104,29 @@ pub struct Finalist {
     pub pairs: usize,
 }
 
-/// Comparison of the choice with registration's winner on pairs that no search has seen.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// Comparison of the choice, on pairs that no search has seen, with the best of what it was chosen
+/// over: the start and, where both halves are tuned, registration's winner.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Check {
     /// Pairs that both were evaluated on: all, unless the choice was eliminated before.
     pub pairs: usize,
     /// Lead of the choice in standard errors of the paired difference; 99 at most.
     pub ahead: f64,
-    /// True when the choice stands; else registration's winner is chosen.
+    /// True when the choice stands; else what it was compared with is chosen.
     pub holds: bool,
+    /// What it was compared with: its [`Origin`](super::Origin) as text.
+    #[serde(default)]
+    pub of: String,
 }
 
 impl fmt::Display for Check {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { pairs, ahead, holds } = self;
-        let end = if *holds { "stands" } else { "does not stand: registration's half is chosen" };
+        let Self { pairs, ahead, holds, of } = self;
+        let end = if *holds { "stands" } else { "does not stand: that is chosen" };
         write!(
             f,
             "on {pairs} pairs that no search saw, the choice is {ahead:.1} standard errors ahead \
-             of registration's half alone and {end}"
+             of {of} and {end}"
         )
     }
 }
@@ -135,7 +140,7 @@ pub struct Tuned {
     pub origin: String,
     /// Candidates of the final selection, best first.
     pub finalists: Vec<Finalist>,
-    /// Check of the choice on unseen pairs; none where registration's winner is the choice.
+    /// Check of the choice on unseen pairs; none where the start is the choice.
     pub check: Option<Check>,
     /// Every generation.
     pub generations: Vec<Generation>,
@@ -184,10 +189,11 @@ impl TuneSearch<'_> {
         }
     }
 
-    /// True when the choice is checked on unseen pairs: where the sensor is searched besides
-    /// registration, and no cost is minimised.
+    /// True when the choice is checked on unseen pairs: where something is searched, in our way,
+    /// and no cost is minimised.
     pub fn is_checked(stages: &[Stage], config: &RunConfig) -> bool {
-        stages.iter().any(|stage| !stage.is_from_the_start()) && config.tune.minimise.is_none()
+        let RunConfig { tune, .. } = config;
+        !stages.is_empty() && tune.strategy == Strategy::Fast && tune.minimise.is_none()
     }
 
     /// Registrations of the stages; the final selection takes some more.

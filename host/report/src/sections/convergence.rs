@@ -102,6 +102,7 @@ fn fitness_name(tune: &TuneConfig) -> String {
     let mean = match tune.error_mean {
         ErrorMean::Arithmetic => "mean",
         ErrorMean::Geometric => "geometric mean",
+        ErrorMean::SquareRoot => "mean by square roots",
     };
     match tune.error_cap {
         cap if cap > 0.0 => format!("{mean} ‖T − T*‖_F, capped at {cap}"),

@@ -45,6 +45,6 @@ fn facts(report: &Report) -> Vec<(String, String)> {
         ("Seed", config.seed.to_string()),
         ("Chosen", result.origin.clone()),
     ];
-    let check = result.check.map(|check| ("Checked", check.to_string()));
+    let check = result.check.as_ref().map(|check| ("Checked", check.to_string()));
     usual.into_iter().chain(check).map(|(name, value)| (name.to_owned(), value)).collect()
 }
