@@ -10,6 +10,7 @@ mod patterns;
 mod peers;
 mod pictures;
 mod program;
+mod proof;
 mod record;
 mod shell;
 mod study;
@@ -102,6 +103,9 @@ enum Task {
     /// Registration with each scan pattern, at equal time and at equal energy; goes on where it was
     /// left.
     Patterns(patterns::Patterns),
+    /// Both halves tuned together against either half, the halves combined, a sensor set by hand,
+    /// an ideal detector and random points. Hours; goes on where it was left.
+    Proof(proof::Proof),
     /// Gain of tuning the LiDAR, registration or both on held-out pairs, by every method in every
     /// kind of scene, by both strategies. Hours; goes on where it was left.
     Study(study::Study),
@@ -125,6 +129,7 @@ fn main() -> Result<()> {
         Task::Beams => pictures::beams(),
         Task::Towns => towns::run(),
         Task::Patterns(args) => patterns::run(&args),
+        Task::Proof(args) => proof::run(&args),
         Task::Study(args) => study::run(&args),
     }
 }

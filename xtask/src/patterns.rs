@@ -11,7 +11,7 @@ use echoloop_campaign::{Cell, Plan};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::program::{self, recorded};
+use crate::program::{self, Job, recorded};
 use crate::record::{mean, with_commas, write_page};
 
 static PATTERNS: LazyLock<Plan> =
@@ -62,7 +62,12 @@ pub(crate) fn run(args: &Patterns) -> Result<()> {
     let cells = PATTERNS.cells(&[("pattern", &args.pattern)]);
     let ended = match args.page {
         true => Ok(()),
-        false => program::run(&PATTERNS, &cells, power, Run::new),
+        false => {
+            let job = |cell: &Cell, lines: &[Line]| {
+                Ok(power(cell, lines)?.map(|more| Job::of(&PATTERNS, more)))
+            };
+            program::run(&PATTERNS, &cells, job, |_, _| None, |printed| Run::new(&printed.json))
+        }
     };
     write_page(PAGE, "cargo xtask patterns", &table(&recorded(&PATTERNS)?))?;
     ended

@@ -7,10 +7,24 @@ use anyhow::{Context, Result, ensure};
 use echoloop_campaign::{Cell, Line, Plan, Unfinished, append, lines};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde_json::Value;
 
-use crate::record::{printed, stamp};
+use crate::record::{Printed, printed, stamp};
 use crate::shell::{build_release, built, commit, echoloop, workspace};
+
+/// A run of `echoloop` for a cell.
+pub(crate) struct Job {
+    /// Command of `echoloop`.
+    pub(crate) command: String,
+    /// Arguments besides the plan's settings.
+    pub(crate) arguments: Vec<String>,
+}
+
+impl Job {
+    /// The plan's command.
+    pub(crate) fn of(plan: &Plan, arguments: Vec<String>) -> Self {
+        Self { command: plan.command.clone(), arguments }
+    }
+}
 
 /// Lines of a plan's record.
 ///
@@ -21,9 +35,9 @@ pub(crate) fn recorded<T: DeserializeOwned>(plan: &Plan) -> Result<Vec<Line<T>>>
     Ok(lines(&workspace()?.join(&plan.record))?)
 }
 
-/// Runs the cells that the record lacks, and adds their lines. `more` gives further arguments of a
-/// cell from the lines so far, or `None` where it has no run; `read` reads the JSON that the run
-/// printed.
+/// Runs the cells that the record lacks, and adds their lines. `job` gives the run of a cell from
+/// the lines so far, or `None` where it has none; `price` the seconds of processor time that a cell
+/// will take, where the lines tell; `read` reads what the run printed.
 ///
 /// # Errors
 ///
@@ -31,8 +45,9 @@ pub(crate) fn recorded<T: DeserializeOwned>(plan: &Plan) -> Result<Vec<Line<T>>>
 pub(crate) fn run<T: Serialize + DeserializeOwned>(
     plan: &Plan,
     cells: &[Cell],
-    more: impl Fn(&Cell, &[Line<T>]) -> Result<Option<Vec<String>>>,
-    read: impl Fn(&Value) -> Result<T>,
+    job: impl Fn(&Cell, &[Line<T>]) -> Result<Option<Job>>,
+    price: impl Fn(&Cell, &[Line<T>]) -> Option<f64>,
+    read: impl Fn(&Printed) -> Result<T>,
 ) -> Result<()> {
     build_release()?;
     let mut recorded: Vec<Line<T>> = recorded(plan)?;
@@ -42,11 +57,11 @@ pub(crate) fn run<T: Serialize + DeserializeOwned>(
     left.run(|index, place| -> Result<()> {
         let cell = left.cells[index];
         let run = || -> Result<Option<Line<T>>> {
-            let Some(more) = more(cell, &recorded)? else { return Ok(None) };
-            eprintln!("{place}: {cell}");
+            let Some(mut job) = job(cell, &recorded)? else { return Ok(None) };
+            eprintln!("{place}: {cell}{}", priced(&left.cells[index..], |c| price(c, &recorded)));
             let set = plan.settings(cell).into_iter().map(|setting| format!("--set={setting}"));
-            let arguments = set.chain(more).collect();
-            let result = finished(plan, cell, arguments, &read)?;
+            job.arguments = set.chain(job.arguments).collect();
+            let result = finished(plan, cell, job, &read)?;
             Ok(Some(Line { cell: cell.clone(), made: stamp()?, result }))
         };
         match run() {
@@ -63,17 +78,29 @@ pub(crate) fn run<T: Serialize + DeserializeOwned>(
     Ok(())
 }
 
+/// Words on the processor time that cells will take; none where that of no cell is known. A cell of
+/// unknown time counts as the mean of the others.
+pub(crate) fn priced(cells: &[&Cell], price: impl Fn(&Cell) -> Option<f64>) -> String {
+    let known: Vec<f64> = cells.iter().filter_map(|cell| price(cell)).collect();
+    if known.is_empty() {
+        return String::new();
+    }
+    let mean = known.iter().sum::<f64>() / known.len() as f64;
+    let hours = mean * cells.len() as f64 / 3600.0;
+    format!("; {} left, about {hours:.1} hours of a processor", cells.len())
+}
+
 /// Result of a run. An interrupted `tune` of the same commit is resumed; its folder is removed when
 /// the result is read.
 fn finished<T>(
     plan: &Plan,
     cell: &Cell,
-    arguments: Vec<String>,
-    read: impl Fn(&Value) -> Result<T>,
+    Job { command: name, arguments }: Job,
+    read: impl Fn(&Printed) -> Result<T>,
 ) -> Result<T> {
     let mut command = echoloop()?;
-    command.args([&*plan.command, "--json"]);
-    if plan.command != "tune" {
+    command.args([&*name, "--json"]);
+    if name != "tune" {
         return read(&printed(command.args(arguments))?);
     }
     let record = plan.record.rsplit('/').next().unwrap_or(&plan.record).replace(".jsonl", "");

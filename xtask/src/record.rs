@@ -1,6 +1,7 @@
 //! What records have of a run, and the pages written from them.
 
 use std::fs;
+use std::io::Read;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
@@ -8,17 +9,34 @@ use echoloop_statistics::{Estimate, mean_of_groups};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
+use wait4::Wait4;
 
 use crate::shell::{commit, today, workspace};
 
 const END: &str = "<!-- end -->\n";
 
-/// JSON that a command of `echoloop` prints; its progress is shown.
-pub(crate) fn printed(command: &mut Command) -> Result<Value> {
+/// What a command of `echoloop` printed, and the time it took.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Printed {
+    /// Its JSON.
+    pub(crate) json: Value,
+    /// Processor time, s.
+    pub(crate) cpu_s: f64,
+}
+
+/// Runs a command of `echoloop` that prints JSON; its progress is shown.
+pub(crate) fn printed(command: &mut Command) -> Result<Printed> {
     eprintln!("+ {command:?}");
-    let output = command.stderr(Stdio::inherit()).output().context("cannot run echoloop")?;
-    ensure!(output.status.success(), "failed: {command:?}");
-    serde_json::from_slice(&output.stdout).context("echoloop prints JSON")
+    let mut child = command.stdout(Stdio::piped()).spawn().context("cannot run echoloop")?;
+    let mut text = Vec::new();
+    if let Some(mut stdout) = child.stdout.take() {
+        stdout.read_to_end(&mut text).context("cannot read what echoloop prints")?;
+    }
+    let ended = child.wait4().context("cannot wait for echoloop")?;
+    ensure!(ended.status.success(), "failed: {command:?}");
+    let cpu = ended.rusage.utime + ended.rusage.stime;
+    let json = serde_json::from_slice(&text).context("echoloop prints JSON")?;
+    Ok(Printed { json, cpu_s: cpu.as_secs_f64() })
 }
 
 /// Day and commit of this code.

@@ -5,8 +5,8 @@
 //! does the same for fronts of error against energy.
 
 mod front;
-mod record;
-mod table;
+pub(crate) mod record;
+pub(crate) mod table;
 mod warm;
 
 use std::sync::LazyLock;
@@ -14,7 +14,7 @@ use std::sync::LazyLock;
 use anyhow::{Result, ensure};
 use echoloop_campaign::{Cell, Line, Plan};
 
-use crate::program::{self, recorded};
+use crate::program::{self, Job, recorded};
 use crate::record::write_page;
 use front::Front;
 use record::Run;
@@ -73,8 +73,17 @@ pub(crate) fn run(args: &Study) -> Result<()> {
     let cells = args.cells();
     let ended = match (args.page, args.front) {
         (true, _) => Ok(()),
-        (false, false) => program::run(&STUDY, &cells, warm::arguments, Run::new),
-        (false, true) => program::run(&FRONTS, &cells, |_, _| Ok(Some(Vec::new())), Front::new),
+        (false, false) => {
+            let job = |cell: &Cell, lines: &[Line<Run>]| {
+                let more = warm::arguments(cell, lines)?;
+                Ok(Some(Job::of(&STUDY, more)))
+            };
+            program::run(&STUDY, &cells, job, |_, _| None, |printed| Run::new(&printed.json))
+        }
+        (false, true) => {
+            let job = |_: &Cell, _: &[Line<Front>]| Ok(Some(Job::of(&FRONTS, Vec::new())));
+            program::run(&FRONTS, &cells, job, |_, _| None, |printed| Front::new(&printed.json))
+        }
     };
     write_page(PAGE, "cargo xtask study", &table::tables(&checked(recorded(&STUDY)?)?))?;
     write_page(PAGE, "cargo xtask study --front", &front::tables(&recorded(&FRONTS)?))?;

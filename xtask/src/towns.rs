@@ -68,7 +68,7 @@ fn measured(scene: &str, folder: &Path) -> Result<(String, f64)> {
     let begun = Instant::now();
     let mut read = echoloop()?;
     read.args(["store", "--json", "-q", "--stored"]).arg(&kept).arg("-o").arg(&kept);
-    let document = printed(&mut read)?;
+    let document = printed(&mut read)?.json;
     Ok((row(scene, traced_s, begun.elapsed().as_secs_f64(), &document), traced_s))
 }
 

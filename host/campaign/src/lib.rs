@@ -9,6 +9,7 @@
 //! | campaign | plan | a cell is run by | record |
 //! |---|---|---|---|
 //! | `echoloop reproduce` | `host/study/src/plan.toml` | its `runner.rs` | the user's folder |
+//! | `cargo xtask proof` | `benches/plans/proof.toml` | `tune`, `evaluate` | `proof.jsonl` |
 //! | `cargo xtask study` | `benches/plans/study.toml` | `tune` | `study.jsonl` |
 //! | `cargo xtask study --front` | the same | `tune --pareto energy` | `fronts.jsonl` |
 //! | `cargo xtask patterns` | `benches/plans/patterns.toml` | `evaluate` | `patterns.jsonl` |

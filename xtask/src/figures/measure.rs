@@ -57,7 +57,7 @@ fn of_echoloop(root: &Path, run: &Run) -> Result<Option<Value>> {
     if run.arguments.first().is_some_and(|command| command == "tune") {
         command.arg("--runs").arg(built(root).join("figures"));
     }
-    printed(&mut command).map(Some).with_context(|| run.name.clone())
+    printed(&mut command).map(|printed| Some(printed.json)).with_context(|| run.name.clone())
 }
 
 /// Sizes of the images; `None` when one cannot be built here.

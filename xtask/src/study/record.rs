@@ -30,20 +30,23 @@ pub(super) struct Run {
 /// Parameters on the held-out pairs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Judged {
+pub(crate) struct Judged {
     /// Share within the bounds of success, percent.
-    pub(super) recall_pct: f64,
+    pub(crate) recall_pct: f64,
     /// Mean translation error over the successes, cm.
-    pub(super) mean_cm: Option<f64>,
+    pub(crate) mean_cm: Option<f64>,
+    /// Largest translation error, cm; older lines do not have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) worst_cm: Option<f64>,
     /// Energy that a scan emits, mJ.
-    pub(super) energy_mj: f64,
+    pub(crate) energy_mj: f64,
     /// ‖T − T*‖_F of every pair, at most 1, in units of 10⁻⁵.
-    pub(super) errors: Vec<u32>,
+    pub(crate) errors: Vec<u32>,
 }
 
 impl Run {
     /// Reads what `echoloop tune --json` printed.
-    pub(super) fn new(result: &Value) -> Result<Self> {
+    pub(crate) fn new(result: &Value) -> Result<Self> {
         let missing = |name: &str| anyhow!("the result has no {name}");
         let registrations = result["registrations"].as_u64();
         Ok(Self {
@@ -58,19 +61,23 @@ impl Run {
 }
 
 impl Judged {
-    fn new(summary: &Value) -> Option<Self> {
-        let errors = summary["errors"].as_array()?.iter();
+    /// Reads a summary that `echoloop` printed; `None` where it has not all of it.
+    pub(crate) fn new(summary: &Value) -> Option<Self> {
+        let errors = summary["errors"].as_array()?;
         let error = |e: &Value| Some((e["frobenius"].as_f64()?.min(CAP) * 1e5).round() as u32);
+        let cm = |m: f64| (1e4 * m).round() / 100.0;
+        let translations = errors.iter().filter_map(|e| e["translation_m"].as_f64());
         Some(Self {
             recall_pct: summary["recall_pct"].as_f64()?,
-            mean_cm: summary["mean_translation_m"].as_f64().map(|m| (1e4 * m).round() / 100.0),
+            mean_cm: summary["mean_translation_m"].as_f64().map(cm),
+            worst_cm: translations.max_by(f64::total_cmp).map(cm),
             energy_mj: three_digits(1e3 * summary["cost"]["energy_j"].as_f64()?),
-            errors: errors.map(error).collect::<Option<_>>()?,
+            errors: errors.iter().map(error).collect::<Option<_>>()?,
         })
     }
 
     /// Each pair's error, ‖T − T*‖_F, at most 1.
-    pub(super) fn losses(&self) -> Vec<f64> {
+    pub(crate) fn losses(&self) -> Vec<f64> {
         self.errors.iter().map(|&error| f64::from(error) / 1e5).collect()
     }
 }

@@ -117,18 +117,24 @@ fn against<'a>(
     runs: &[&'a Line<Run>],
     other: impl Fn(&'a Line<Run>) -> Option<&'a Judged>,
 ) -> Option<Estimate> {
+    let pair = |line: &&'a Line<Run>| Some((&line.result.tuned, other(line)?));
+    ratio(&runs.iter().filter_map(pair).collect::<Vec<_>>())
+}
+
+/// Mean difference of ln error between two that were judged on the same pairs, of several runs;
+/// each run is a group.
+pub(crate) fn ratio(runs: &[(&Judged, &Judged)]) -> Option<Estimate> {
     /// Errors below a tenth of a millimetre count as this.
     const LEAST: f64 = 1e-4;
-    let differences = |line: &&'a Line<Run>| {
-        let other = other(line)?.losses();
-        let pairs = line.result.tuned.losses().into_iter().zip(other);
-        Some(pairs.map(|(a, b)| (a.max(LEAST) / b.max(LEAST)).ln()).collect::<Vec<f64>>())
+    let differences = |(own, other): &(&Judged, &Judged)| {
+        let pairs = own.losses().into_iter().zip(other.losses());
+        pairs.map(|(a, b)| (a.max(LEAST) / b.max(LEAST)).ln()).collect::<Vec<f64>>()
     };
-    mean(&runs.iter().filter_map(differences).collect::<Vec<_>>())
+    mean(&runs.iter().map(differences).collect::<Vec<_>>())
 }
 
 /// A difference of logarithms as a ratio, bold where it is significant.
-fn as_ratio(estimate: Estimate) -> String {
+pub(crate) fn as_ratio(estimate: Estimate) -> String {
     let Estimate { value, interval: [low, high] } = estimate;
     let [value, low, high] = [value, low, high].map(|logarithm| digits(logarithm.exp()));
     let bold = if estimate.holds(0.0) { "" } else { "**" };
@@ -149,6 +155,7 @@ mod tests {
         let judged = |error: u32| Judged {
             recall_pct: 100.0,
             mean_cm: Some(f64::from(error) / 1e3),
+            worst_cm: None,
             energy_mj: 4.6,
             errors: (0..100).map(|i| error + i % 2).collect(),
         };

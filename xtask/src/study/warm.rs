@@ -24,10 +24,10 @@ pub(super) fn is_in_its_own_towns(cell: &Cell) -> bool {
 /// # Errors
 ///
 /// When the record lacks one, or a file cannot be written.
-pub(super) fn arguments(cell: &Cell, lines: &[Line<Run>]) -> Result<Option<Vec<String>>> {
+pub(super) fn arguments(cell: &Cell, lines: &[Line<Run>]) -> Result<Vec<String>> {
     match cell.of("strategy") {
-        "warm" => flags(cell, lines, &built(&workspace()?).join("study/warm")).map(Some),
-        _ => Ok(Some(Vec::new())),
+        "warm" => flags(cell, lines, &built(&workspace()?).join("study/warm")),
+        _ => Ok(Vec::new()),
     }
 }
 
@@ -65,7 +65,13 @@ mod tests {
         let cells = STUDY.cells(&[("seed", &["3".to_owned()])]);
         let is_it = |cell: &&Cell| [cell.of("strategy"), cell.of("method")] == ["warm", "gicp"];
         let cell = cells.iter().find(is_it).unwrap();
-        let judged = || Judged { recall_pct: 0.0, mean_cm: None, energy_mj: 0.0, errors: vec![1] };
+        let judged = || Judged {
+            recall_pct: 0.0,
+            mean_cm: None,
+            worst_cm: None,
+            energy_mj: 0.0,
+            errors: vec![1],
+        };
         let line = |(i, scene): (u8, &str)| Line {
             cell: source(cell, scene),
             made: String::new(),

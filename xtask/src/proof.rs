@@ -1,0 +1,246 @@
+//! `cargo xtask proof`: both halves tuned together, against whatever would explain their gain away.
+//!
+//! The plan is `benches/plans/proof.toml`. A line of its record has the error of every held-out
+//! pair, and the tables of `benches/record/proof.md` are written from the lines alone.
+
+mod record;
+mod table;
+
+use std::fs;
+use std::sync::LazyLock;
+
+use anyhow::{Context, Result};
+use echoloop_campaign::{Cell, Line, Plan, Unfinished};
+use serde_json::json;
+
+use crate::program::{self, Job, priced, recorded};
+use crate::record::write_page;
+use crate::shell::{built, workspace};
+use record::Run;
+
+static PROOF: LazyLock<Plan> =
+    LazyLock::new(|| Plan::read(include_str!("../../benches/plans/proof.toml")));
+
+const PAGE: &str = "benches/record/proof.md";
+
+/// Cells to run.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Proof {
+    /// Only these rows: what is tuned.
+    #[arg(long, value_delimiter = ',', value_parser = PROOF.choices("tuned"))]
+    tuned: Vec<String>,
+    /// Only these methods.
+    #[arg(long, value_delimiter = ',', value_parser = PROOF.choices("method"))]
+    method: Vec<String>,
+    /// Only these kinds of scene.
+    #[arg(long, value_delimiter = ',', value_parser = PROOF.choices("scene"))]
+    scene: Vec<String>,
+    /// Only these conditions.
+    #[arg(long, value_delimiter = ',', default_value = "quarter",
+          value_parser = PROOF.choices("condition"))]
+    condition: Vec<String>,
+    /// Only these seeds; the towns of a seed are its own.
+    #[arg(long, value_delimiter = ',', default_value = "601,602,603,604,605",
+          value_parser = clap::value_parser!(u64).range(1..))]
+    seed: Vec<u64>,
+    /// Run nothing: say how many cells are left, and what they will take.
+    #[arg(long, conflicts_with = "page")]
+    price: bool,
+    /// Run nothing: write the page from the record.
+    #[arg(long)]
+    page: bool,
+}
+
+/// Runs the cells that the record lacks, then writes the page.
+///
+/// # Errors
+///
+/// When runs fail, which the others do not wait for, or the record cannot be read or written. Lines
+/// of finished runs are kept.
+pub(crate) fn run(args: &Proof) -> Result<()> {
+    let cells = args.cells();
+    if args.price {
+        println!("{}", price_of(&cells, &recorded(&PROOF)?));
+        return Ok(());
+    }
+    let ended = match args.page {
+        true => Ok(()),
+        false => program::run(&PROOF, &cells, job, seconds, Run::new),
+    };
+    write_page(PAGE, "cargo xtask proof", &table::tables(&recorded(&PROOF)?))?;
+    ended
+}
+
+impl Proof {
+    fn cells(&self) -> Vec<Cell> {
+        let seeds: Vec<String> = self.seed.iter().map(u64::to_string).collect();
+        PROOF.cells(&[
+            ("tuned", &self.tuned),
+            ("method", &self.method),
+            ("scene", &self.scene),
+            ("condition", &self.condition),
+            ("seed", &seeds),
+            // Not an axis of cells: settings of the rows of a sensor set by hand.
+            ("hand", &[NOT_BY_HAND.to_owned()]),
+        ])
+    }
+}
+
+/// A cell that no sensor set by hand belongs to.
+const NOT_BY_HAND: &str = "-";
+
+/// Cells left, and the processor time they will take.
+fn price_of(cells: &[Cell], lines: &[Line<Run>]) -> String {
+    let is_done = |cell: &Cell| Some(lines.iter().any(|line| line.cell == *cell));
+    let left = Unfinished::of(cells, is_done);
+    let price = priced(&left.cells, |cell| seconds(cell, lines));
+    format!("{} of {} cells are done{price}", left.done, cells.len())
+}
+
+/// Processor time of a cell, s: that of the lines that are most like it.
+fn seconds(cell: &Cell, lines: &[Line<Run>]) -> Option<f64> {
+    let alike: [&[&str]; 4] = [
+        &["tuned", "method", "condition", "scene"],
+        &["tuned", "method", "condition"],
+        &["tuned", "method"],
+        &["tuned"],
+    ];
+    alike.iter().find_map(|axes| {
+        let is_alike = |line: &&Line<Run>| axes.iter().all(|a| line.cell.of(a) == cell.of(a));
+        let of_them: Vec<f64> =
+            lines.iter().filter(is_alike).map(|line| line.result.cpu_s).collect();
+        (!of_them.is_empty()).then(|| of_them.iter().sum::<f64>() / of_them.len() as f64)
+    })
+}
+
+/// Run of a cell.
+fn job(cell: &Cell, lines: &[Line<Run>]) -> Result<Option<Job>> {
+    let evaluate = |arguments| Some(Job { command: "evaluate".into(), arguments });
+    let tune = |arguments| Some(Job { command: "tune".into(), arguments });
+    Ok(match cell.of("tuned") {
+        "nothing" => evaluate(Vec::new()),
+        "combined" => {
+            let folder = built(&workspace()?).join("proof");
+            fs::create_dir_all(&folder)
+                .with_context(|| format!("cannot make {}", folder.display()))?;
+            let path = folder.join(format!("{}.json", cell.to_string().replace(' ', "-")));
+            fs::write(&path, json!({ "parameters": combined(cell, lines)? }).to_string())
+                .with_context(|| format!("cannot write {}", path.display()))?;
+            evaluate(vec![format!("--candidate={}", path.display()), "--pairs=test".into()])
+        }
+        "hand" => {
+            let settings = PROOF.settings(&Cell::default().with("hand", cell.of("condition")));
+            let own = settings.iter().filter(|setting| setting.starts_with("lidar."));
+            tune(own.map(|setting| format!("--set={setting}")).collect())
+        }
+        _ => tune(Vec::new()),
+    })
+}
+
+/// The sensor that was tuned alone, and registration that was tuned alone.
+fn combined(
+    cell: &Cell,
+    lines: &[Line<Run>],
+) -> Result<serde_json::Map<String, serde_json::Value>> {
+    let half = |tuned: &str, section: &str| {
+        let of_half = cell.with("tuned", tuned);
+        let line = lines.iter().find(|line| line.cell == of_half);
+        let line = line.with_context(|| format!("no line of {of_half}, which comes first"))?;
+        let own = line.result.parameters.iter().filter(|(name, _)| name.starts_with(section));
+        Ok(own.map(|(name, &value)| (name.clone(), value.into())).collect::<Vec<_>>())
+    };
+    let halves: Result<Vec<_>> =
+        [half("lidar", "lidar."), half("registration", "registration.")].into_iter().collect();
+    Ok(halves?.into_iter().flatten().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        proof: Proof,
+    }
+
+    fn cells(flags: &[&str]) -> Vec<Cell> {
+        Command::parse_from([&["proof"], flags].concat()).proof.cells()
+    }
+
+    fn line(cell: &Cell, cpu_s: f64, parameters: &[(&str, f64)]) -> Line<Run> {
+        let parameters = parameters.iter().map(|&(name, value)| (name.to_owned(), value));
+        let result = Run { cpu_s, parameters: parameters.collect(), ..record::fixture(100, 1) };
+        Line { cell: cell.clone(), made: "today".into(), result }
+    }
+
+    #[test]
+    fn all_of_it_is_every_row_of_twelve_places_on_five_seeds_a_seed_after_the_other() {
+        let all = cells(&[]);
+        assert_eq!(all.len(), 8 * 4 * 3 * 5);
+        assert!(all.is_sorted_by_key(|cell| cell.of("seed")));
+        // A half comes before what is put together of it.
+        let place = |tuned: &str| all.iter().position(|cell| cell.of("tuned") == tuned).unwrap();
+        assert!(place("combined") > place("lidar").max(place("registration")));
+    }
+
+    #[test]
+    fn the_halves_combined_are_the_sensor_of_one_and_the_registration_of_the_other() {
+        let cell = &cells(&["--tuned=combined"])[0];
+        let lines = [
+            line(&cell.with("tuned", "lidar"), 1.0, &[("lidar.a", 1.0), ("registration.b", 2.0)]),
+            line(
+                &cell.with("tuned", "registration"),
+                1.0,
+                &[("lidar.a", 3.0), ("registration.b", 4.0)],
+            ),
+            line(&cell.with("tuned", "lidar").with("seed", "9"), 1.0, &[("lidar.a", 5.0)]),
+        ];
+        let both = serde_json::to_string(&combined(cell, &lines).unwrap()).unwrap();
+        assert_eq!(both, r#"{"lidar.a":1.0,"registration.b":4.0}"#);
+        let error = combined(cell, &lines[..1]).unwrap_err().to_string();
+        assert!(error.contains("registration") && error.contains("comes first"), "{error}");
+    }
+
+    #[test]
+    fn a_cell_costs_what_the_lines_most_like_it_did() {
+        let cells = cells(&["--tuned=joint", "--method=icp,mac", "--seed=601"]);
+        let of = |method: &str, scene: &str| {
+            let is_it = |cell: &&Cell| [cell.of("method"), cell.of("scene")] == [method, scene];
+            cells.iter().find(is_it).unwrap()
+        };
+        let same = of("icp", "structured");
+        assert_eq!(seconds(same, &[]), None);
+        let lines = [line(same, 100.0, &[]), line(of("icp", "unstructured"), 300.0, &[])];
+        assert_eq!(seconds(&same.with("seed", "602"), &lines), Some(100.0));
+        assert_eq!(seconds(of("icp", "semi-structured"), &lines), Some(200.0));
+        assert_eq!(seconds(of("mac", "structured"), &lines), Some(200.0));
+        assert_eq!(seconds(&same.with("tuned", "random"), &lines), None);
+        // Four are left: 200, 200, 200 and 200 s.
+        let text = price_of(&cells, &lines);
+        assert_eq!(text, "2 of 6 cells are done; 4 left, about 0.2 hours of a processor");
+    }
+
+    #[test]
+    fn a_sensor_set_by_hand_has_its_condition_s_settings_and_registration_is_searched() {
+        for condition in PROOF.names("condition") {
+            let cell = cells(&["--tuned=hand"])[0].with("condition", condition);
+            let job = job(&cell, &[]).unwrap().unwrap();
+            assert_eq!(job.command, "tune");
+            assert!(PROOF.names("hand").any(|name| name == condition), "{condition}");
+            assert!(job.arguments.iter().all(|a| a.starts_with("--set=lidar.")), "{condition}");
+            assert!(PROOF.settings(&cell).contains(&"tune.protocol=registration".to_owned()));
+        }
+    }
+
+    #[test]
+    fn every_committed_line_is_a_cell_of_its_plan() {
+        for Line { cell, .. } in recorded::<Run>(&PROOF).unwrap() {
+            for axis in ["tuned", "method", "scene", "condition"] {
+                assert!(PROOF.names(axis).any(|value| value == cell.of(axis)), "{cell}: {axis}");
+            }
+        }
+    }
+}
