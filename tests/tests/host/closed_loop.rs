@@ -143,11 +143,12 @@ fn one_thread_and_two_write_the_same_journal_and_choose_the_same() {
 }
 
 #[test]
-fn the_fast_search_moves_each_half_alone_then_the_sensor_again_beside_both() {
+fn the_fast_search_moves_each_half_alone_then_the_sensor_again_then_both() {
     let (_, tuned) = tuned(&config(&["tune.population=0", "seed=2"]), 2);
     let stages: Vec<&str> = tuned.generations.iter().map(|g| &*g.stage).collect();
-    let side_by_side = [["lidar alone", "registration"].repeat(3), ["lidar", "joint"].repeat(2)];
-    assert_eq!(stages, side_by_side.concat());
+    let turns =
+        [["lidar alone", "registration"].repeat(3), ["lidar"; 2].into(), ["joint"; 2].into()];
+    assert_eq!(stages, turns.concat());
     let moved = |generation: &Generation| -> Vec<bool> {
         let first = &generation.candidates[0].point;
         let differs = |i: usize| generation.candidates.iter().any(|c| c.point[i] != first[i]);

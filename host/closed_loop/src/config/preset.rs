@@ -43,7 +43,7 @@ choice! {
 choice! {
     /// Strategy of the search.
     pub enum Strategy by default Fast {
-        /// Either half alone, then the sensor beside registration's winner and both together, few
+        /// Either half alone, the sensor beside registration's winner, then both together, few
         /// pairs a generation.
         Fast = "fast",
         /// The paper's (Sec. 4.2): one search, all pairs, the plain mean of the errors.

@@ -85,8 +85,8 @@ impl FinalSelection {
     }
 
     /// Index of the finalist with the lowest fitness over all pairs. The incumbent keeps its place
-    /// unless another is more than [`AHEAD`] standard errors better, or it may not be chosen and
-    /// another may. `None` when interrupted.
+    /// unless that is more than [`AHEAD`] standard errors ahead ([`Self::ahead`]), or the incumbent
+    /// may not be chosen and that may. `None` when interrupted.
     pub(super) fn winner(
         &mut self,
         incumbent: usize,
@@ -104,9 +104,9 @@ impl FinalSelection {
             }
             let leader = self.leader(&left, seen, fitness);
             if seen == self.pairs {
-                let behind = self.behind(incumbent, leader, seen, fitness);
+                let ahead = self.ahead(leader, incumbent, seen, fitness);
                 let [own, best] = [incumbent, leader].map(|i| self.standing(i, seen, fitness).0);
-                let stays = own == best && behind.is_some_and(|behind| behind <= AHEAD);
+                let stays = own == best && ahead.is_some_and(|ahead| ahead <= AHEAD);
                 return Ok(Some(if stays { incumbent } else { leader }));
             }
             left = self.go_on(&left, leader, seen, fitness);
@@ -174,6 +174,26 @@ impl FinalSelection {
         stay
     }
 
+    /// Lead of the one with the better fitness in standard errors: by losses, or by ratios where
+    /// that is more. A few bad pairs, the same for both, hide by losses that all others are better;
+    /// that they are no worse, fitness says.
+    pub(super) fn ahead(
+        &self,
+        leader: usize,
+        of: usize,
+        seen: usize,
+        fitness: &Fitness<'_>,
+    ) -> Option<f64> {
+        let losses = |i: usize| -> Option<Vec<f64>> {
+            let results = &self.entries[i].results[..seen];
+            let cost = mean_cost(results);
+            let loss = |r: &PairResult| fitness.ratio_loss(&r.error, cost.as_ref());
+            results.iter().map(loss).collect()
+        };
+        let (own, best) = losses(of).zip(losses(leader))?;
+        Some(self.behind(of, leader, seen, fitness)?.max(paired_t(&own, &best)))
+    }
+
     /// Distance behind the leader in standard errors of the paired difference of losses; `None`
     /// where fitness is not a mean of losses.
     pub(super) fn behind(
@@ -190,6 +210,16 @@ impl FinalSelection {
         };
         let (own, best) = losses(i).zip(losses(leader))?;
         Some(paired_t(&own, &best))
+    }
+
+    /// Indices of the `count` best of those that have seen all pairs and may be chosen, best first.
+    pub(super) fn best(&self, count: usize, fitness: &Fitness<'_>) -> Vec<usize> {
+        let has_seen_all = |&i: &usize| self.entries[i].results.len() == self.pairs;
+        let standings = (0..self.entries.len()).filter(has_seen_all);
+        let standings = standings.map(|i| (self.standing(i, self.pairs, fitness), i));
+        let mut standings: Vec<_> = standings.filter(|((is_beyond, _), _)| !is_beyond).collect();
+        standings.sort_by(|(a, _), (b, _)| better(*a, *b));
+        standings.into_iter().map(|(_, i)| i).take(count).collect()
     }
 
     pub(super) fn origin(&self, i: usize) -> &Origin {

@@ -50,7 +50,16 @@ impl Fitness<'_> {
     /// Loss of one pair, whose mean is the fitness, so that candidates can be compared pair by
     /// pair; `None` where fitness is not a mean of losses.
     pub(super) fn loss(&self, error: &PairError, cost: Option<&ScanCost>) -> Option<f64> {
-        let worth = Worth::from(self.tune);
+        self.loss_by(Worth::from(self.tune), error, cost)
+    }
+
+    /// The same by ratios, where each pair counts as much as any other.
+    pub(super) fn ratio_loss(&self, error: &PairError, cost: Option<&ScanCost>) -> Option<f64> {
+        let by_ratio = Worth { mean: ErrorMean::Geometric, ..Worth::from(self.tune) };
+        self.loss_by(by_ratio, error, cost)
+    }
+
+    fn loss_by(&self, worth: Worth, error: &PairError, cost: Option<&ScanCost>) -> Option<f64> {
         let loss = worth.loss(error);
         match (cost.zip(self.start_cost()), self.tune.minimise) {
             (None, _) => Some(loss),

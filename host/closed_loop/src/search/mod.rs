@@ -10,8 +10,8 @@
 //!
 //! Under [`Strategy::Paper`] there is one stage, and its best candidate is the choice. Under
 //! [`Strategy::Fast`] each half is searched from the start, side by side, registration's on scans
-//! that all candidates share; then, side by side, the sensor's axes from registration's winner and
-//! all axes from the best so far. The winners meet in the final selection, and the choice is
+//! that all candidates share; then the sensor's axes from registration's winner; then all axes from
+//! the best so far. The winners meet in the final selection, and the choice is
 //! checked on pairs that no search has seen.
 
 mod batch;

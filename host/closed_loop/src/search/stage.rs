@@ -83,7 +83,7 @@ const SHARES: [f64; 4] = [0.3, 0.25, 0.15, 0.3];
 const LATER: f64 = 0.5;
 
 /// Stages of a run on `train_pairs` training pairs. Those from the start are searched side by side,
-/// then the others.
+/// then the others one after the other.
 pub fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> Vec<Stage> {
     let plan = Plan { config, space, train_pairs };
     let (lidar, registration) = (space.lidar_axes(), space.registration_axes());

@@ -20,6 +20,9 @@ use echoloop_cmaes::CmaEs;
 /// Weight of the hardest training pair in the draw; the easiest has 1.
 const HARDEST: f64 = 3.0;
 
+/// Finalists next to the choice that are checked, too.
+const NEXT: usize = 3;
+
 impl TuneSearch<'_> {
     /// Searches, writing each generation to the journal. `done` are the generations that the
     /// journal holds already.
@@ -71,7 +74,7 @@ impl SearchRun<'_> {
         Ok(self.tuned(parameters, origin, vec![finalist], optimizer.as_ref(), &[]))
     }
 
-    /// Each half from the best of start and warm starts. Then, side by side, the sensor from
+    /// Each half from the best of start and warm starts, side by side. Then the sensor from
     /// registration's winner, and both from the best so far, to which the winners of both halves
     /// put together belong.
     fn fast(mut self) -> Result<Tuned, TuneError> {
@@ -112,26 +115,30 @@ impl SearchRun<'_> {
                 };
                 winners.push(selection.enter(Origin::Combined, own));
             }
-            let best = self.select(&mut selection, registration, winners.clone())?;
-            let mut from: Vec<(&Stage, usize)> = Vec::new();
-            let (last, before) = later.split_last().map_or((None, &[][..]), |(l, b)| (Some(l), b));
-            for stage in before {
+            let mut best = self.select(&mut selection, registration, winners.clone())?;
+            for (number, stage) in later.iter().enumerate() {
+                let is_last = number + 1 == later.len();
                 // Where registration keeps what it began at, the sensor was searched from there
                 // already.
-                match registration == begin {
-                    true => self.total -= stage.generations,
-                    false => from.push((stage, registration)),
+                if !is_last && registration == begin {
+                    self.total -= stage.generations;
+                    continue;
                 }
+                let from = if is_last { best } else { registration };
+                let (found, own) = self.finalists(&[(stage, from)], &mut selection)?;
+                optimizer = own.or(optimizer);
+                let standing = if is_last { registration } else { best };
+                let finalists = [&winners[..], &[best], &found.concat()].concat();
+                best = self.select(&mut selection, standing, finalists)?;
             }
-            from.extend(last.map(|stage| (stage, best)));
-            let (found, own) = self.finalists(&from, &mut selection)?;
-            optimizer = own.or(optimizer);
-            let finalists = [&winners[..], &found.concat()].concat();
-            choice = self.select(&mut selection, registration, finalists)?;
+            choice = best;
         }
         self.expect_end_of_journal()?;
         let mut simpler = vec![start];
         simpler.extend(&winners[1..]);
+        if choice != registration {
+            simpler.extend(selection.best(NEXT, &self.fitness).into_iter().rev());
+        }
         let checked = self.checked(&selection, &simpler, choice)?;
         let mut errors = selection.errors();
         let mut check = None;
@@ -151,7 +158,8 @@ impl SearchRun<'_> {
 
     /// Compares the choice with the `simpler` ones, from the start on, on pairs that no search has
     /// seen: on pairs of a search the best of several equals is easily ahead by chance. Each has to
-    /// be ahead of what stands before it. Returns what stands in the end; `None` without such
+    /// be ahead of what stands before it. Those next to the choice are among them: it may lose a
+    /// pair here that they keep. Returns what stands in the end; `None` without such
     /// pairs, where an exact cost decides, or where the start is the choice.
     fn checked(
         &self,
@@ -190,12 +198,17 @@ impl SearchRun<'_> {
         }
         let last = entered[entered.len() - 1];
         let seen = check.results(last).len();
-        let ahead = check.behind(against, last, seen, fitness).unwrap_or_default();
+        let holds = standing == last;
+        let ahead = match holds {
+            true => check.ahead(last, against, seen, fitness),
+            false => check.behind(against, last, seen, fitness),
+        };
+        let ahead = ahead.unwrap_or_default();
         let result = Check {
             pairs: seen,
             // It is infinite where every pair differs by the same amount; JSON has no such number.
             ahead: ahead.clamp(-99.0, 99.0),
-            holds: standing == last,
+            holds,
             of: check.origin(against).to_string(),
         };
         let standing = entered.iter().position(|&i| i == standing).map_or(choice, |at| each[at]);
