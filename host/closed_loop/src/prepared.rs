@@ -194,8 +194,10 @@ impl Preparation {
         let raced = if tune.strategy == Strategy::Fast { tune.shortlist + 2 } else { 0 };
         let of_stages: usize = stages.iter().map(Stage::registrations).sum();
         let warm = if stages.is_empty() { 0 } else { self.warm_starts.len() };
+        // The start, either half, both put together, three more and the choice; of a half, fewer.
+        let compared = if stages.len() > 2 { 7 } else { 2 };
         let check = usize::from(TuneSearch::is_checked(&stages, &self.config))
-            * 2
+            * compared
             * self.config.data.check_pairs;
         of_stages + (stages.len() * raced + warm) * pairs + check
     }

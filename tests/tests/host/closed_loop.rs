@@ -171,6 +171,62 @@ fn the_fast_search_moves_each_half_alone_then_the_sensor_again_then_both() {
 }
 
 #[test]
+fn protocols_make_about_as_many_registrations_when_their_number_is_given() {
+    for (more, stages) in [
+        ("tune.protocol=joint", &["lidar alone", "registration", "lidar", "joint"][..]),
+        ("tune.protocol=lidar", &["lidar", "lidar again"]),
+        ("tune.protocol=registration", &["registration", "registration again"]),
+        ("tune.sampler=random", &["joint"]),
+    ] {
+        let config = config(&["tune.registrations=600", more]);
+        let search = search(&config);
+        let names: Vec<_> = search.stages().into_iter().map(|stage| stage.name).collect();
+        assert_eq!(names, stages, "{more}");
+        assert!(
+            (540..=660).contains(&search.registrations()),
+            "{more}: {}",
+            search.registrations()
+        );
+    }
+}
+
+#[test]
+fn random_points_are_drawn_from_all_of_the_ranges_whatever_was_found_before() {
+    let (_, tuned) = tuned(&config(&["tune.sampler=random", "tune.generations=5"]), 2);
+    let points: Vec<&Vec<f64>> =
+        tuned.generations.iter().flat_map(|g| &g.candidates).map(|c| &c.point).collect();
+    assert_eq!(points.len(), 5 * 6);
+    for axis in 0..points[0].len() {
+        let values = || points.iter().map(|point| point[axis]);
+        let mean = values().sum::<f64>() / 30.0;
+        // Of thirty even draws: mean 0.5 ± 0.053, the extremes within 0.2 of the ends.
+        assert!((0.25..0.75).contains(&mean), "axis {axis}: {mean}");
+        assert!(values().fold(1.0, f64::min) < 0.2, "axis {axis}");
+        assert!(values().fold(0.0, f64::max) > 0.8, "axis {axis}");
+    }
+    assert!(tuned.finalists.iter().all(|f| !f.origin.ends_with("mean")), "there is none");
+}
+
+#[test]
+fn the_winners_of_both_halves_put_together_are_a_finalist() {
+    // Here both halves find something better than the start.
+    let (_, both) = tuned(&config(&["seed=61"]), 2);
+    let combined = both.finalists.iter().find(|finalist| finalist.origin == "halves combined");
+    let combined = combined.expect("both halves moved");
+    assert_eq!(combined.pairs, 4, "all training pairs");
+    // Each of its values is one of its half's finalists.
+    for (section, stage) in [("lidar.", "lidar alone"), ("registration.", "registration,")] {
+        let own = |values: &Values| -> Vec<(String, f64)> {
+            let own = values.iter().filter(|(name, _)| name.starts_with(section));
+            own.map(|(name, value)| (name.clone(), *value)).collect()
+        };
+        let of_half = both.finalists.iter().filter(|f| f.origin.starts_with(stage));
+        let found = of_half.filter(|f| own(&f.values) == own(&combined.values)).count();
+        assert!(found > 0, "{section}: {:?}", own(&combined.values));
+    }
+}
+
+#[test]
 fn the_paper_s_search_evaluates_all_pairs_and_takes_the_best_candidate() {
     let given = config(&["tune.strategy=paper"]).tune;
     assert_eq!((given.pairs_per_generation, given.generations), (2, 3), "given keys stay");

@@ -108,7 +108,10 @@ impl SearchRun<'_> {
         let registration = winners[winners.len() - 1];
         let mut choice = registration;
         if !later.is_empty() {
-            if let [_, _, lidar, registration] = winners[..] {
+            // Where a half keeps what it began at, the other's winner is both already.
+            if let [_, begin, lidar, registration] = winners[..]
+                && ![lidar, registration].contains(&begin)
+            {
                 let own = Parameters {
                     registration: selection.parameters(registration).registration,
                     ..*selection.parameters(lidar)
@@ -159,8 +162,8 @@ impl SearchRun<'_> {
     /// Compares the choice with the `simpler` ones, from the start on, on pairs that no search has
     /// seen: on pairs of a search the best of several equals is easily ahead by chance. Each has to
     /// be ahead of what stands before it. Those next to the choice are among them: it may lose a
-    /// pair here that they keep. Returns what stands in the end; `None` without such
-    /// pairs, where an exact cost decides, or where the start is the choice.
+    /// pair here that they keep. Returns what stands in the end; `None` without such pairs, where
+    /// an exact cost decides, or where the start is the choice.
     fn checked(
         &self,
         selection: &FinalSelection,
