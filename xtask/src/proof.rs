@@ -6,6 +6,7 @@
 mod record;
 mod table;
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::sync::LazyLock;
 
@@ -74,20 +75,19 @@ pub(crate) fn run(args: &Proof) -> Result<()> {
 impl Proof {
     fn cells(&self) -> Vec<Cell> {
         let seeds: Vec<String> = self.seed.iter().map(u64::to_string).collect();
-        PROOF.cells(&[
+        let any = ["any".to_owned()];
+        let cells = PROOF.cells(&[
             ("tuned", &self.tuned),
             ("method", &self.method),
             ("scene", &self.scene),
             ("condition", &self.condition),
             ("seed", &seeds),
-            // Not an axis of cells: settings of the rows of a sensor set by hand.
-            ("hand", &[NOT_BY_HAND.to_owned()]),
-        ])
+            ("hand", &any),
+        ]);
+        // No axis of cells: it has the settings of rows of a sensor set by hand.
+        cells.into_iter().map(|cell| cell.without("hand")).collect()
     }
 }
-
-/// A cell that no sensor set by hand belongs to.
-const NOT_BY_HAND: &str = "-";
 
 /// Cells left, and the processor time they will take.
 fn price_of(cells: &[Cell], lines: &[Line<Run>]) -> String {
@@ -119,15 +119,8 @@ fn job(cell: &Cell, lines: &[Line<Run>]) -> Result<Option<Job>> {
     let tune = |arguments| Some(Job { command: "tune".into(), arguments });
     Ok(match cell.of("tuned") {
         "nothing" => evaluate(Vec::new()),
-        "combined" => {
-            let folder = built(&workspace()?).join("proof");
-            fs::create_dir_all(&folder)
-                .with_context(|| format!("cannot make {}", folder.display()))?;
-            let path = folder.join(format!("{}.json", cell.to_string().replace(' ', "-")));
-            fs::write(&path, json!({ "parameters": combined(cell, lines)? }).to_string())
-                .with_context(|| format!("cannot write {}", path.display()))?;
-            evaluate(vec![format!("--candidate={}", path.display()), "--pairs=test".into()])
-        }
+        "combined" => candidate(cell, lines, ["lidar", "registration"])?,
+        "ideal" => candidate(cell, lines, ["registration"; 2])?,
         "hand" => {
             let settings = PROOF.settings(&Cell::default().with("hand", cell.of("condition")));
             let own = settings.iter().filter(|setting| setting.starts_with("lidar."));
@@ -137,21 +130,32 @@ fn job(cell: &Cell, lines: &[Line<Run>]) -> Result<Option<Job>> {
     })
 }
 
-/// The sensor that was tuned alone, and registration that was tuned alone.
+/// Run that judges the sensor of one row with the registration of another.
+fn candidate(cell: &Cell, lines: &[Line<Run>], rows: [&str; 2]) -> Result<Option<Job>> {
+    let folder = built(&workspace()?).join("proof");
+    fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    let path = folder.join(format!("{}.json", cell.to_string().replace(' ', "-")));
+    fs::write(&path, json!({ "parameters": combined(cell, lines, rows)? }).to_string())
+        .with_context(|| format!("cannot write {}", path.display()))?;
+    let arguments = vec![format!("--candidate={}", path.display()), "--pairs=test".into()];
+    Ok(Some(Job { command: "evaluate".into(), arguments }))
+}
+
+/// The sensor of one row and the registration of another, of the same place and seed.
 fn combined(
     cell: &Cell,
     lines: &[Line<Run>],
-) -> Result<serde_json::Map<String, serde_json::Value>> {
-    let half = |tuned: &str, section: &str| {
-        let of_half = cell.with("tuned", tuned);
-        let line = lines.iter().find(|line| line.cell == of_half);
-        let line = line.with_context(|| format!("no line of {of_half}, which comes first"))?;
+    [sensor, registration]: [&str; 2],
+) -> Result<BTreeMap<String, f64>> {
+    let mut all = BTreeMap::new();
+    for (row, section) in [(sensor, "lidar."), (registration, "registration.")] {
+        let of_row = cell.with("tuned", row);
+        let line = lines.iter().find(|line| line.cell == of_row);
+        let line = line.with_context(|| format!("no line of {of_row}, which comes first"))?;
         let own = line.result.parameters.iter().filter(|(name, _)| name.starts_with(section));
-        Ok(own.map(|(name, &value)| (name.clone(), value.into())).collect::<Vec<_>>())
-    };
-    let halves: Result<Vec<_>> =
-        [half("lidar", "lidar."), half("registration", "registration.")].into_iter().collect();
-    Ok(halves?.into_iter().flatten().collect())
+        all.extend(own.map(|(name, &value)| (name.clone(), value)));
+    }
+    Ok(all)
 }
 
 #[cfg(test)]
@@ -184,6 +188,7 @@ mod tests {
         // A half comes before what is put together of it.
         let place = |tuned: &str| all.iter().position(|cell| cell.of("tuned") == tuned).unwrap();
         assert!(place("combined") > place("lidar").max(place("registration")));
+        assert!(place("ideal") > place("registration"));
     }
 
     #[test]
@@ -198,9 +203,11 @@ mod tests {
             ),
             line(&cell.with("tuned", "lidar").with("seed", "9"), 1.0, &[("lidar.a", 5.0)]),
         ];
-        let both = serde_json::to_string(&combined(cell, &lines).unwrap()).unwrap();
-        assert_eq!(both, r#"{"lidar.a":1.0,"registration.b":4.0}"#);
-        let error = combined(cell, &lines[..1]).unwrap_err().to_string();
+        let halves = ["lidar", "registration"];
+        let both = combined(cell, &lines, halves).unwrap();
+        let expected = [("lidar.a".to_owned(), 1.0), ("registration.b".to_owned(), 4.0)];
+        assert_eq!(both, expected.into());
+        let error = combined(cell, &lines[..1], halves).unwrap_err().to_string();
         assert!(error.contains("registration") && error.contains("comes first"), "{error}");
     }
 

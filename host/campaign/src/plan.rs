@@ -153,6 +153,14 @@ impl Cell {
         cell.0.insert(axis.to_owned(), value.to_owned());
         cell
     }
+
+    /// The cell without an axis.
+    #[must_use]
+    pub fn without(&self, axis: &str) -> Self {
+        let mut cell = self.clone();
+        cell.0.remove(axis);
+        cell
+    }
 }
 
 impl From<BTreeMap<String, Value>> for Cell {
@@ -208,6 +216,7 @@ mod tests {
         assert_eq!(plan.settings(&cells[3]), [all, seed, towns, fog]);
         let without_seed = Cell::default().with("weather", "fog");
         assert_eq!(plan.settings(&without_seed), [all, fog]);
+        assert_eq!(cells[3].without("seed"), without_seed);
         let titles: Vec<&str> = plan.values("weather").iter().map(Choice::title).collect();
         assert_eq!(titles, ["clear", "Fog"]);
         assert!(plan.keys("seed").eq(["seed", "scene.towns"]));
