@@ -1,12 +1,15 @@
 //! Cells of a campaign, run by `echoloop` in a process of its own, and kept as lines of the plan's
 //! record. How campaigns are run: `host/campaign`.
 
+use std::collections::BTreeMap;
 use std::fs;
+use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use echoloop_campaign::{Cell, Line, Plan, Unfinished, append, lines};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde_json::json;
 
 use crate::record::{Printed, printed, stamp};
 use crate::shell::{build_release, built, commit, echoloop, workspace};
@@ -76,6 +79,14 @@ pub(crate) fn run<T: Serialize + DeserializeOwned>(
     })?;
     ensure!(failed.is_empty(), "failed runs:\n{}", failed.join("\n"));
     Ok(())
+}
+
+/// Writes parameters into a file that a flag of `echoloop` takes.
+pub(crate) fn write_parameters(path: &Path, parameters: &BTreeMap<String, f64>) -> Result<()> {
+    let folder = path.parent().unwrap_or(path);
+    fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    fs::write(path, json!({ "parameters": parameters }).to_string())
+        .with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// Words on the processor time that cells will take; none where that of no cell is known. A cell of

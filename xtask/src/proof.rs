@@ -7,14 +7,12 @@ mod record;
 mod table;
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::sync::LazyLock;
 
 use anyhow::{Context, Result};
 use echoloop_campaign::{Cell, Line, Plan, Unfinished};
-use serde_json::json;
 
-use crate::program::{self, Job, priced, recorded};
+use crate::program::{self, Job, priced, recorded, write_parameters};
 use crate::record::write_page;
 use crate::shell::{built, workspace};
 use record::Run;
@@ -132,11 +130,9 @@ fn job(cell: &Cell, lines: &[Line<Run>]) -> Result<Option<Job>> {
 
 /// Run that judges the sensor of one row with the registration of another.
 fn candidate(cell: &Cell, lines: &[Line<Run>], rows: [&str; 2]) -> Result<Option<Job>> {
-    let folder = built(&workspace()?).join("proof");
-    fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    let path = folder.join(format!("{}.json", cell.to_string().replace(' ', "-")));
-    fs::write(&path, json!({ "parameters": combined(cell, lines, rows)? }).to_string())
-        .with_context(|| format!("cannot write {}", path.display()))?;
+    let name = format!("proof/{}.json", cell.to_string().replace(' ', "-"));
+    let path = built(&workspace()?).join(name);
+    write_parameters(&path, &combined(cell, lines, rows)?)?;
     let arguments = vec![format!("--candidate={}", path.display()), "--pairs=test".into()];
     Ok(Some(Job { command: "evaluate".into(), arguments }))
 }

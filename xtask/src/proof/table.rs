@@ -7,7 +7,6 @@ use echoloop_statistics::Estimate;
 
 use super::PROOF;
 use super::record::Run;
-use crate::study::record::Judged;
 use crate::study::table::{as_ratio, ratio};
 
 /// Row whose gain is to be proved.
@@ -55,8 +54,8 @@ pub(super) fn tables(lines: &[Line<Run>]) -> String {
             }
         }
         let title = |name: &str| {
-            let values = PROOF.values("tuned").iter();
-            values.clone().find(|value| value.name == name).map_or("", Choice::title).to_owned()
+            let value = PROOF.values("tuned").iter().find(|value| value.name == name);
+            value.map_or("", Choice::title)
         };
         let each = CONTROLS.iter().zip(shown).filter(|(_, [_, of])| *of > 0);
         let each: Vec<String> = each
@@ -107,13 +106,11 @@ fn to(lines: &[&Line<Run>], tuned: &str) -> Option<Estimate> {
     if tuned == BOTH {
         return None;
     }
-    let pair = |line: &&Line<Run>| -> Option<(Judged, Judged)> {
+    let pairs = of(lines, BOTH).filter_map(|line| {
         let same = |other: &&Line<Run>| other.cell.of("seed") == line.cell.of("seed");
-        let other = of(lines, tuned).find(same)?;
-        Some((line.result.tuned.clone(), other.result.tuned.clone()))
-    };
-    let pairs: Vec<(Judged, Judged)> = of(lines, BOTH).filter_map(|line| pair(&line)).collect();
-    ratio(&pairs.iter().map(|(own, other)| (own, other)).collect::<Vec<_>>())
+        of(lines, tuned).find(same).map(|other| (&line.result.tuned, &other.result.tuned))
+    });
+    ratio(&pairs.collect::<Vec<_>>())
 }
 
 fn of<'a>(lines: &'a [&Line<Run>], tuned: &'a str) -> impl Iterator<Item = &'a Line<Run>> {

@@ -46,7 +46,7 @@ pub(crate) struct Judged {
 
 impl Run {
     /// Reads what `echoloop tune --json` printed.
-    pub(crate) fn new(result: &Value) -> Result<Self> {
+    pub(super) fn new(result: &Value) -> Result<Self> {
         let missing = |name: &str| anyhow!("the result has no {name}");
         let registrations = result["registrations"].as_u64();
         Ok(Self {

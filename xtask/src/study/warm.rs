@@ -1,14 +1,13 @@
 //! Starts of `warm`: the parameters that `fast` tuned with seed 1 in each kind of scene.
 
-use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result};
 use echoloop_campaign::{Cell, Line};
-use serde_json::json;
 
 use super::STUDY;
 use super::record::Run;
+use crate::program::write_parameters;
 use crate::shell::{built, workspace};
 
 /// Seed whose towns the starts were tuned in.
@@ -33,7 +32,6 @@ pub(super) fn arguments(cell: &Cell, lines: &[Line<Run>]) -> Result<Vec<String>>
 
 /// A flag for each start, which is a file in the folder.
 fn flags(cell: &Cell, lines: &[Line<Run>], folder: &Path) -> Result<Vec<String>> {
-    fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let flag = |scene: &str| {
         let tuned = source(cell, scene);
         let is_it = |line: &&Line<Run>| line.cell == tuned && !line.result.parameters.is_empty();
@@ -42,8 +40,7 @@ fn flags(cell: &Cell, lines: &[Line<Run>], folder: &Path) -> Result<Vec<String>>
             format!("no parameters of {tuned}: run cargo xtask study {flags} before")
         })?;
         let path = folder.join(format!("{}-{scene}.json", cell.of("method")));
-        fs::write(&path, json!({ "parameters": line.result.parameters }).to_string())
-            .with_context(|| format!("cannot write {}", path.display()))?;
+        write_parameters(&path, &line.result.parameters)?;
         Ok(format!("--warm-start={}", path.display()))
     };
     STUDY.names("scene").map(flag).collect()
@@ -57,6 +54,8 @@ fn source(cell: &Cell, scene: &str) -> Cell {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::super::record::Judged;
     use super::*;
 

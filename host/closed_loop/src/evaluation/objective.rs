@@ -229,6 +229,11 @@ impl Worth {
         self.of_mean_loss(self.mean_loss(errors))
     }
 
+    /// The pairs' losses.
+    pub fn losses(&self, errors: &[PairError]) -> Vec<f64> {
+        errors.iter().map(|error| self.loss(error)).collect()
+    }
+
     /// Mean of the pairs' losses.
     pub fn mean_loss(&self, errors: &[PairError]) -> f64 {
         errors.iter().map(|error| self.loss(error)).sum::<f64>() / errors.len() as f64

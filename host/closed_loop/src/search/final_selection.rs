@@ -16,6 +16,7 @@ use super::batch::Task;
 use super::fitness::{Fitness, PairResult, mean_cost};
 use super::origin::Origin;
 use super::tune_search::Finalist;
+use crate::cost::ScanCost;
 use crate::evaluation::objective::PairError;
 use crate::parameters::{Parameters, Values};
 use crate::seed::{Purpose, derive};
@@ -184,14 +185,8 @@ impl FinalSelection {
         seen: usize,
         fitness: &Fitness<'_>,
     ) -> Option<f64> {
-        let losses = |i: usize| -> Option<Vec<f64>> {
-            let results = &self.entries[i].results[..seen];
-            let cost = mean_cost(results);
-            let loss = |r: &PairResult| fitness.ratio_loss(&r.error, cost.as_ref());
-            results.iter().map(loss).collect()
-        };
-        let (own, best) = losses(of).zip(losses(leader))?;
-        Some(self.behind(of, leader, seen, fitness)?.max(paired_t(&own, &best)))
+        let by_ratio = self.distance(of, leader, seen, |e, cost| fitness.ratio_loss(e, cost))?;
+        Some(self.behind(of, leader, seen, fitness)?.max(by_ratio))
     }
 
     /// Distance behind the leader in standard errors of the paired difference of losses; `None`
@@ -203,10 +198,21 @@ impl FinalSelection {
         seen: usize,
         fitness: &Fitness<'_>,
     ) -> Option<f64> {
+        self.distance(i, leader, seen, |error, cost| fitness.loss(error, cost))
+    }
+
+    /// The same by some loss of each pair.
+    fn distance(
+        &self,
+        i: usize,
+        leader: usize,
+        seen: usize,
+        loss: impl Fn(&PairError, Option<&ScanCost>) -> Option<f64>,
+    ) -> Option<f64> {
         let losses = |i: usize| -> Option<Vec<f64>> {
             let results = &self.entries[i].results[..seen];
             let cost = mean_cost(results);
-            results.iter().map(|result| fitness.loss(&result.error, cost.as_ref())).collect()
+            results.iter().map(|result| loss(&result.error, cost.as_ref())).collect()
         };
         let (own, best) = losses(i).zip(losses(leader))?;
         Some(paired_t(&own, &best))

@@ -83,11 +83,8 @@ impl Fitness<'_> {
         }
         let of_start = self.of_start(errors);
         let plain = Worth { mean: ErrorMean::Arithmetic, cap: self.tune.error_cap };
-        let losses = |errors: &[PairError]| -> Vec<f64> {
-            errors.iter().map(|error| plain.loss(error)).collect()
-        };
         self.lost(errors) > self.lost(&of_start)
-            || paired_t(&losses(errors), &losses(&of_start)) > SURE
+            || paired_t(&plain.losses(errors), &plain.losses(&of_start)) > SURE
     }
 
     /// Errors of the start on the pairs of these.
@@ -113,10 +110,7 @@ impl Fitness<'_> {
             return ratio;
         }
         let worth = Worth::from(self.tune);
-        let losses = |errors: &[PairError]| -> Vec<f64> {
-            errors.iter().map(|error| worth.loss(error)).collect()
-        };
-        let above = SURE * paired_standard_error(&losses(errors), &losses(of_start));
+        let above = SURE * paired_standard_error(&worth.losses(errors), &worth.losses(of_start));
         worth.of_mean_loss(worth.mean_loss(errors) + above) / worth.of(of_start)
     }
 

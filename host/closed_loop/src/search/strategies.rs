@@ -137,8 +137,7 @@ impl SearchRun<'_> {
             choice = best;
         }
         self.expect_end_of_journal()?;
-        let mut simpler = vec![start];
-        simpler.extend(&winners[1..]);
+        let mut simpler = winners;
         if choice != registration {
             simpler.extend(selection.best(NEXT, &self.fitness).into_iter().rev());
         }
@@ -177,29 +176,27 @@ impl SearchRun<'_> {
             each.retain(|&other| other != i);
             each.push(i);
         }
-        let is_start = choice == simpler[0];
-        if is_start || pairs.is_empty() || search.config.tune.minimise.is_some() {
+        let is_checked = TuneSearch::is_checked(&search.stages(), search.config);
+        if choice == simpler[0] || pairs.is_empty() || !is_checked {
             return Ok(None);
         }
         let evaluator = Evaluator { pairs, ..self.evaluator };
         let seed = derive(search.config.seed, Purpose::Check, 0);
         let mut check = FinalSelection::new(pairs.len(), seed);
-        let entered: Vec<usize> = each
-            .iter()
-            .map(|&i| check.enter(selection.origin(i).clone(), *selection.parameters(i)))
-            .collect();
-        let mut standing = entered[0];
-        let mut against = standing;
+        for &i in &each {
+            check.enter(selection.origin(i).clone(), *selection.parameters(i)); // no two are equal
+        }
+        let (mut standing, mut against) = (0, 0);
         // What stands has to be evaluated on all pairs before anybody is compared with it.
         self.select_on((&evaluator, &self.fitness), &mut check, standing, Vec::new())?;
         // Of these pairs, too, none of them may lose more than the start.
         let of_start = check.results(standing).to_vec();
         let fitness = &Fitness { start: of_start, ..self.fitness };
-        for &next in &entered[1..] {
+        for next in 1..each.len() {
             against = standing;
             standing = self.select_on((&evaluator, fitness), &mut check, standing, vec![next])?;
         }
-        let last = entered[entered.len() - 1];
+        let last = each.len() - 1;
         let seen = check.results(last).len();
         let holds = standing == last;
         let ahead = match holds {
@@ -214,8 +211,7 @@ impl SearchRun<'_> {
             holds,
             of: check.origin(against).to_string(),
         };
-        let standing = entered.iter().position(|&i| i == standing).map_or(choice, |at| each[at]);
-        Ok(Some((check, standing, result)))
+        Ok(Some((check, each[standing], result)))
     }
 
     /// Searches stages side by side, each from one of the selection, and enters their shortlists.

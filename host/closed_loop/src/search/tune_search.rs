@@ -104,8 +104,8 @@ pub struct Finalist {
     pub pairs: usize,
 }
 
-/// Comparison of the choice, on pairs that no search has seen, with the best of what it was chosen
-/// over: the start and, where both halves are tuned, registration's winner.
+/// Comparison of the choice, on pairs that no search has seen, with what stood there before it: of
+/// the start, the halves, both put together, and those next to the choice.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Check {
     /// Pairs that both were evaluated on: all, unless the choice was eliminated before.
