@@ -372,6 +372,14 @@ fn a_choice_that_is_not_ahead_on_held_back_pairs_yields_to_the_start() {
 }
 
 #[test]
+fn a_half_alone_is_checked_against_the_start() {
+    let own = [&BY_ENERGY[..], &["tune.protocol=lidar"]].concat();
+    let (found, _) = checked(&config(&own), TOWN.test.clone());
+    let check = found.check.expect("a check");
+    assert!(check.holds && check.of == "start" && check.pairs == 3, "{check:?}");
+}
+
+#[test]
 fn minimising_a_cost_makes_no_check() {
     let config = config(&["tune.minimise=energy", "tune.generations=1"]);
     assert_eq!(checked(&config, TOWN.test.clone()).0.check, None);

@@ -420,4 +420,32 @@ mod tests {
             assert_eq!(winner, if followed { best } else { incumbent });
         }
     }
+
+    #[test]
+    fn a_gain_that_a_few_bad_pairs_hide_by_losses_shows_by_ratios() {
+        // Ten pairs are bad for both, now more for one, now for the other; on the others the second
+        // has four fifths of the error.
+        let mut selection = FinalSelection::new(PAIRS, 1);
+        for (number, factor, phase) in [(10, 1.0, 0), (11, 0.8, 1)] {
+            let i = selection.enter(Origin::Start, finalist(number));
+            let frobenius = |pair: usize| match pair {
+                0..10 => [0.5, 0.9][(pair + phase) % 2],
+                _ => 0.01 * factor,
+            };
+            let error =
+                |pair| PairError { pair, frobenius: frobenius(pair), ..PairError::default() };
+            let results = (0..PAIRS).map(|pair| PairResult { error: error(pair), cost: None });
+            selection.entries[i].results = results.collect();
+        }
+        let (tune, data) = (TuneConfig::default(), DataConfig::default());
+        let fitness = Fitness { tune: &tune, data: &data, start: Vec::new() };
+        let by_losses = selection.behind(0, 1, PAIRS, &fitness).expect("a mean");
+        let ahead = selection.ahead(1, 0, PAIRS, &fitness).expect("a mean");
+        assert!((0.0..AHEAD).contains(&by_losses), "{by_losses}");
+        assert!(ahead > 2.0, "{ahead}");
+        // Those that have seen all pairs, best first.
+        assert_eq!(selection.best(3, &fitness), [1, 0]);
+        selection.entries[1].results.pop();
+        assert_eq!(selection.best(3, &fitness), [0]);
+    }
 }
