@@ -375,6 +375,25 @@ mod tests {
     }
 
     #[test]
+    fn icp_finishes_what_leaves_that_to_another_but_not_the_paper_s_rows_and_a_file_says_so() {
+        for (texts, refine) in [
+            (&["registration.method=fgr"][..], true),
+            (&["registration.method=mac"], true),
+            (&["registration.method=icp"], false),
+            (&["registration.method=auto"], false),
+            (&["registration.method=fgr", "registration.mode=open3d"], false),
+            (&["registration.method=mac", "tune.strategy=paper"], false),
+            (&["registration.method=fgr", "registration.refine=false"], false),
+            (&["registration.method=mac", "tune.strategy=paper", "registration.refine=true"], true),
+        ] {
+            let config = set(texts).unwrap();
+            assert_eq!(config.registration.refine, refine, "{texts:?}");
+            let again = changed(&config, &[]).unwrap();
+            assert_eq!(again.registration, config.registration, "{texts:?}");
+        }
+    }
+
+    #[test]
     fn a_configuration_without_keys_is_the_default_and_a_grid_has_the_paper_s_light() {
         assert_eq!(set(&[]).unwrap(), RunConfig::default());
         let grid = set(&["scanner.pattern=grid"]).unwrap();
