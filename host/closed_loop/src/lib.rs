@@ -49,8 +49,8 @@
 //! let folder = tempfile::tempdir()?;
 //! let mut journal = Journal::create(&folder.path().join("history.jsonl"), &search.header())?;
 //! let tuned = search.run(&mut journal, Vec::new(), &Silent)?;
-//! // The sensor, registration, both; before both the sensor again, had registration moved.
-//! assert_eq!(tuned.generations.len(), 2 + 2 + 1);
+//! // The sensor beside registration, each again, registration, both.
+//! assert_eq!(tuned.generations.len(), 2 + 2 + 1 + 1 + 1 + 1);
 //! let before = search.judge(&start, &Silent)?;
 //! let after = search.judge(&tuned.parameters, &Silent)?;
 //! println!("recall {:.0} % before, {:.0} % after", before.recall_pct, after.recall_pct);

@@ -26,7 +26,8 @@ section! {
         sampler: Sampler, "", Sampler::BOUNDS,
             "How candidates are drawn: by `cma-es`, or `random`, to compare with.";
         generations: u32, "generations", Bounds::between(1.0, 1e5),
-            "Generations of the search.";
+            "Generations of a search of one half, or of each half; a stage that goes on from a \
+             winner has half as many.";
         registrations: usize, "registrations", Bounds::zero_or("by generations", 1.0, 1e9),
             "Instead of `generations`: about as many registrations, whatever is tuned, so that \
              protocols can be compared. The final selection takes some more.";
@@ -49,6 +50,9 @@ section! {
             "Whether the candidates of a generation meet the same noise.";
         sigma: f64, "of the cube", Bounds::above(0.0, 1.0),
             "Start of the step size, in the unit cube.";
+        survey: usize, "aims", Bounds::between(0.0, 1000.0),
+            "Aims of a steered sensor that are compared on the training pairs before the search, \
+             which begins at the best; 0: none.";
         shortlist: usize, "candidates", Bounds::between(0.0, 1000.0),
             "Candidates judged again on all training pairs at the end, besides the mean and the \
              start.";
@@ -96,7 +100,7 @@ impl TuneConfig {
             protocol: Protocol::Joint,
             lidar: LidarPreset::Usual,
             sampler: Sampler::CmaEs,
-            generations: 30,
+            generations: 15,
             registrations: 0,
             extended_to: None,
             population: 0,
@@ -105,6 +109,7 @@ impl TuneConfig {
             error_cap: 1.0,
             common_noise: true,
             sigma: 0.2,
+            survey: 32,
             shortlist: 4,
             objective: Objective::Weighted,
             minimise: None,
@@ -122,6 +127,7 @@ impl TuneConfig {
                 error_mean: ErrorMean::Arithmetic,
                 error_cap: 0.0,
                 common_noise: false,
+                survey: 0,
                 shortlist: 0,
                 objective: Objective::Error,
                 ..fast

@@ -6,13 +6,14 @@
 //! | `generation.rs` | one generation: candidates, pairs, evaluation |
 //! | `strategies.rs` | order of the stages, and the choice at the end |
 //! | `stage.rs` | axes, generations and pairs of each stage |
+//! | `survey.rs` | aims among which the search begins |
 //! | `final_selection.rs` | finalists compared pair by pair on all training pairs |
 //!
 //! Under [`Strategy::Paper`] there is one stage, and its best candidate is the choice. Under
-//! [`Strategy::Fast`] each half is searched from the start, side by side, registration's on scans
-//! that all candidates share; then the sensor's axes from registration's winner; then all axes from
-//! the best so far. The winners meet in the final selection, and the choice is
-//! checked on pairs that no search has seen.
+//! [`Strategy::Fast`] it begins at the best of a survey of aims. Each half is searched from there,
+//! side by side, registration's on scans that all candidates share; then each again from the
+//! other's winner; then registration's axes, and all axes, from the best so far. The winners meet
+//! in the final selection, and the choice is checked on pairs that no search has seen.
 
 mod batch;
 mod closed_loop;
@@ -26,6 +27,7 @@ mod search_run;
 mod shortlist;
 mod stage;
 mod strategies;
+mod survey;
 mod tune_search;
 
 use echoloop_cmaes::Constants;

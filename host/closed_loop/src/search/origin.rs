@@ -7,6 +7,7 @@ use crate::run_folder::journal::Generation;
 const START: &str = "start";
 const COMBINED: &str = "halves combined";
 const WARM_START: &str = "warm start ";
+const SURVEY: &str = "survey ";
 const MEAN: &str = ", mean";
 
 /// Origin of parameters. Files hold it as text, by [`Display`](fmt::Display) and
@@ -17,6 +18,8 @@ pub enum Origin {
     Start,
     /// Parameters tuned elsewhere, by their number among the warm starts, from 1.
     WarmStart(usize),
+    /// An aim of the survey, by its number, from 1.
+    Survey(usize),
     /// The winners of both halves, put together.
     Combined,
     /// The optimiser's mean at the end of a stage.
@@ -40,6 +43,7 @@ impl fmt::Display for Origin {
         match self {
             Self::Start => f.write_str(START),
             Self::WarmStart(number) => write!(f, "{WARM_START}{number}"),
+            Self::Survey(number) => write!(f, "{SURVEY}{number}"),
             Self::Combined => f.write_str(COMBINED),
             Self::Mean { stage } => write!(f, "{stage}{MEAN}"),
             Self::Candidate { stage, generation, candidate } => {
@@ -63,6 +67,9 @@ impl Origin {
         }
         if let Some(number) = text.strip_prefix(WARM_START) {
             return number.parse().ok().map(Self::WarmStart);
+        }
+        if let Some(number) = text.strip_prefix(SURVEY) {
+            return number.parse().ok().map(Self::Survey);
         }
         match text {
             START => Some(Self::Start),
@@ -90,6 +97,7 @@ mod tests {
         for (origin, text) in [
             (Origin::Start, "start"),
             (Origin::WarmStart(2), "warm start 2"),
+            (Origin::Survey(17), "survey 17"),
             (Origin::Combined, "halves combined"),
             (Origin::Mean { stage: stage() }, "registration, mean"),
             (

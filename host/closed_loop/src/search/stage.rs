@@ -12,7 +12,7 @@ use crate::parameters::Space;
 /// and sizes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stage {
-    /// Name in the journal: `lidar alone`, `registration`, `lidar` or `joint`.
+    /// Name in the journal, different from those of the other stages.
     pub name: Cow<'static, str>,
     /// Place in its line of stages. A stage from the start begins a line, so that a protocol part
     /// searched beside the other draws, and finds, the same as by itself.
@@ -43,9 +43,10 @@ pub struct Place {
 }
 
 impl Place {
-    /// Place of the stage that continues from this one.
-    fn after(self, generations: u32) -> Self {
-        Self { searches: self.searches + 1, generations: self.generations + generations }
+    /// Place of the stages that continue from these, which stand here side by side.
+    fn after_all(self, stages: &[Stage]) -> Self {
+        let longest = stages.iter().map(|stage| stage.generations).max().unwrap_or_default();
+        Self { searches: self.searches + 1, generations: self.generations + longest }
     }
 }
 
@@ -75,15 +76,15 @@ impl Stage {
     }
 }
 
-/// Shares of a search's registrations, where their number is given: of each half alone, of the
-/// sensor again beside registration's winner, and of both together.
-const SHARES: [f64; 4] = [0.3, 0.25, 0.15, 0.3];
+/// Shares of a search's registrations, where their number is given: of each half, of registration
+/// and the sensor again, each beside the other's winner, of registration a third time, and of both.
+const SHARES: [f64; 6] = [0.15, 0.15, 0.2, 0.15, 0.15, 0.2];
 
 /// Initial step size of a stage that goes on from a winner, as a share of the configured one.
 const LATER: f64 = 0.5;
 
-/// Stages of a run on `train_pairs` training pairs. Those from the start are searched side by side,
-/// then the others one after the other.
+/// Stages of a run on `train_pairs` training pairs, in their order. Those at one place are searched
+/// side by side.
 pub fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> Vec<Stage> {
     let plan = Plan { config, space, train_pairs };
     let (lidar, registration) = (space.lidar_axes(), space.registration_axes());
@@ -95,16 +96,22 @@ pub fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> Vec<Sta
         return Vec::new();
     }
     if is_staged && is_joint {
+        let few = generations.div_ceil(2);
+        let [a, b, c, d, e, f] = SHARES;
         let first = Place::default();
         let halves = [
-            plan.stage("lidar alone", lidar.clone(), (generations, SHARES[0]), first),
-            plan.stage("registration", registration, (generations, SHARES[1]), first),
+            plan.stage("lidar", lidar.clone(), (generations, a), first),
+            plan.stage("registration", registration.clone(), (generations, b), first),
         ];
-        let second = first.after(halves[0].generations.max(halves[1].generations));
-        let sensor = plan.stage("lidar", lidar, (generations.div_ceil(2), SHARES[2]), second);
-        let third = second.after(sensor.generations);
-        let both = plan.stage("joint", all, (last.div_ceil(2), SHARES[3]), third);
-        return halves.into_iter().chain([sensor, both]).collect();
+        let second = first.after_all(&halves);
+        let again = [
+            plan.stage("registration again", registration.clone(), (few, c), second),
+            plan.stage("lidar again", lidar, (few, d), second),
+        ];
+        let third = second.after_all(&again);
+        let finer = [plan.stage("registration last", registration, (few, e), third)];
+        let both = [plan.stage("joint", all, (last.div_ceil(2), f), third.after_all(&finer))];
+        return halves.into_iter().chain(again).chain(finer).chain(both).collect();
     }
     let [name, again] = match (lidar.is_empty(), registration.is_empty()) {
         (false, true) => ["lidar", "lidar again"],
@@ -114,7 +121,7 @@ pub fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> Vec<Sta
     // A half begins anew at its winner, as it does beside the other.
     if is_staged && config.registrations > 0 {
         let first = plan.stage(name, all.clone(), (last, 0.5), Place::default());
-        let second = Place::default().after(first.generations);
+        let second = Place::default().after_all(std::slice::from_ref(&first));
         return vec![first, plan.stage(again, all, (last, 0.5), second)];
     }
     vec![plan.stage(name, all, (last, 1.0), Place::default())]

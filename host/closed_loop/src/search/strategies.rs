@@ -7,9 +7,10 @@ use super::origin::Origin;
 use super::search_run::SearchRun;
 use super::shortlist::shortlist;
 use super::stage::Stage;
+use super::survey::survey;
 use super::tune_search::{Check, Finalist, Observer, TuneError, TuneSearch, Tuned};
 use crate::config::TuneConfig;
-use crate::config::preset::Strategy;
+use crate::config::preset::{Sampler, Strategy};
 use crate::evaluation::objective::Worth;
 use crate::evaluation::summary::succeeds;
 use crate::parameters::Parameters;
@@ -74,71 +75,56 @@ impl SearchRun<'_> {
         Ok(self.tuned(parameters, origin, vec![finalist], optimizer.as_ref(), &[]))
     }
 
-    /// Each half from the best of start and warm starts, side by side. Then the sensor from
-    /// registration's winner, and both from the best so far, to which the winners of both halves
-    /// put together belong.
+    /// Both halves from the best of start, warm starts and survey, side by side; each again from
+    /// the other's winner; then registration's axes, and all, from the best so far, to which the
+    /// winners of both halves put together belong.
     fn fast(mut self) -> Result<Tuned, TuneError> {
         let search = self.search;
-        let (halves, later): (Vec<Stage>, Vec<Stage>) =
-            search.stages().into_iter().partition(Stage::is_from_the_start);
+        let stages = search.stages();
+        let mut lines = stages.chunk_by(|one, next| one.place == next.place);
         let mut selection =
             FinalSelection::new(search.bench.dataset.train.len(), search.config.seed);
         let start = selection.enter(Origin::Start, search.start);
-        let mut begin = start;
-        if !halves.is_empty() {
-            self.select(&mut selection, start, Vec::new())?;
-            self.fitness.start = selection.results(start).to_vec();
-            self.expect_something_to_keep()?;
-            self.pair_weights = weights_by_difficulty(&self.losses_of_start());
-            let each = search.warm_starts.iter().enumerate();
-            let warm = each.map(|(i, own)| selection.enter(Origin::WarmStart(i + 1), *own));
-            let warm: Vec<usize> = warm.collect();
-            if !warm.is_empty() {
-                begin = self.select(&mut selection, start, warm)?;
-            }
-        }
+        let begin = self.begin(&stages, &mut selection, start)?;
         let mut winners = vec![start, begin];
+        let halves = lines.next().unwrap_or_default();
         let from_begin: Vec<_> = halves.iter().map(|half| (half, begin)).collect();
         let (found, mut optimizer) = self.finalists(&from_begin, &mut selection)?;
         for finalists in found {
             let among = [&[start, begin][..], &finalists].concat();
             winners.push(self.select(&mut selection, begin, among)?);
         }
-        // The halves end with registration. Its winner is what tuning the sensor, too, has to beat.
-        let registration = winners[winners.len() - 1];
-        let mut choice = registration;
-        if !later.is_empty() {
+        // A half's winner has to be beaten by whatever moves the other half, too: registration's,
+        // as it leaves the sensor alone.
+        let of_half = winners[winners.len() - 1];
+        let mut choice = of_half;
+        if let [_, _, lidar, registration] = winners[..] {
             // Where a half keeps what it began at, the other's winner is both already.
-            if let [_, begin, lidar, registration] = winners[..]
-                && ![lidar, registration].contains(&begin)
-            {
+            if ![lidar, registration].contains(&begin) {
                 let own = Parameters {
                     registration: selection.parameters(registration).registration,
                     ..*selection.parameters(lidar)
                 };
                 winners.push(selection.enter(Origin::Combined, own));
             }
-            let mut best = self.select(&mut selection, registration, winners.clone())?;
-            for (number, stage) in later.iter().enumerate() {
-                let is_last = number + 1 == later.len();
-                // Where registration keeps what it began at, the sensor was searched from there
-                // already.
-                if !is_last && registration == begin {
-                    self.total -= stage.generations;
-                    continue;
-                }
-                let from = if is_last { best } else { registration };
-                let (found, own) = self.finalists(&[(stage, from)], &mut selection)?;
-                optimizer = own.or(optimizer);
-                let standing = if is_last { registration } else { best };
-                let finalists = [&winners[..], &[best], &found.concat()].concat();
-                best = self.select(&mut selection, standing, finalists)?;
-            }
-            choice = best;
+            choice = self.select(&mut selection, choice, winners.clone())?;
+            // From where the other half was moved to, if it was.
+            let from = |other, own| if other == begin { own } else { other };
+            let bases = [from(lidar, registration), from(registration, lidar)];
+            let again = lines.next().unwrap_or_default();
+            let again: Vec<_> = again.iter().zip(bases).collect();
+            let (found, _) = self.finalists(&again, &mut selection)?;
+            let among = [&winners[..], &found.concat()].concat();
+            choice = self.select(&mut selection, choice, among)?;
+        }
+        for stage in lines.flatten() {
+            let (found, last) = self.finalists(&[(stage, choice)], &mut selection)?;
+            optimizer = last.or(optimizer);
+            choice = self.select(&mut selection, choice, found.concat())?;
         }
         self.expect_end_of_journal()?;
         let mut simpler = winners;
-        if choice != registration {
+        if choice != of_half {
             simpler.extend(selection.best(NEXT, &self.fitness).into_iter().rev());
         }
         let checked = self.checked(&selection, &simpler, choice)?;
@@ -156,6 +142,33 @@ impl SearchRun<'_> {
             check,
             ..self.tuned(parameters, origin, finalists, optimizer.as_ref(), &errors)
         })
+    }
+
+    /// Where the search begins: the best of the start, the warm starts, and the survey from there.
+    fn begin(
+        &mut self,
+        stages: &[Stage],
+        selection: &mut FinalSelection,
+        start: usize,
+    ) -> Result<usize, TuneError> {
+        let TuneSearch { config, space, warm_starts, .. } = self.search;
+        if stages.is_empty() {
+            return Ok(start);
+        }
+        self.select(selection, start, Vec::new())?;
+        self.fitness.start = selection.results(start).to_vec();
+        self.expect_something_to_keep()?;
+        self.pair_weights = weights_by_difficulty(&self.losses_of_start());
+        let each = warm_starts.iter().enumerate();
+        let warm = each.map(|(i, own)| selection.enter(Origin::WarmStart(i + 1), *own)).collect();
+        let begin = self.select(selection, start, warm)?;
+        let count = match config.tune.sampler {
+            Sampler::CmaEs => config.tune.survey,
+            Sampler::Random => 0, // it looks everywhere already
+        };
+        let aims = survey(space, selection.parameters(begin), count).into_iter().enumerate();
+        let aims = aims.map(|(i, own)| selection.enter(Origin::Survey(i + 1), own)).collect();
+        self.select(selection, begin, aims)
     }
 
     /// Compares the choice with the `simpler` ones, from the start on, on pairs that no search has

@@ -64,6 +64,7 @@ fn origin(written: &str, last: &Generation) -> String {
     match Origin::read(written) {
         Some(Origin::Start) => "the start itself".to_owned(),
         Some(Origin::WarmStart(_)) => format!("what was tuned elsewhere ({written})"),
+        Some(Origin::Survey(_)) => format!("an aim of the survey before the search ({written})"),
         Some(Origin::Combined) => "the winners of both halves, put together".to_owned(),
         Some(Origin::Mean { .. }) => format!("the mean of an earlier search ({written})"),
         Some(Origin::Candidate { generation, .. }) if generation < last.generation => format!(
