@@ -32,7 +32,7 @@ fn only_the_axes_that_the_user_chose_are_moved_and_within_the_user_s_bounds() {
         assert!(config.contains(part), "{part}: {config}");
     }
     let generations = generations(&fixture);
-    assert_eq!(generations.len(), 2 + 2 + 1 + 1, "each half, the sensor again, both");
+    assert_eq!(generations.len(), (2 + 2) + (1 + 1) + 1 + 1, "halves twice, registration, both");
     for candidate in generations.iter().flat_map(|g| g["candidates"].as_array().unwrap()) {
         let values = candidate["values"].as_object().unwrap();
         let names: Vec<&str> = values.keys().map(String::as_str).collect();

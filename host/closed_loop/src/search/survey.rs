@@ -9,9 +9,10 @@ use crate::parameters::{Parameters, Space};
 /// Axes of the survey, with the base of each coordinate's sequence.
 const AXES: [(&str, u32); 3] = [("lidar.rows", 2), ("lidar.elevation_span", 3), ("lidar.tilt", 5)];
 
-/// Narrowest span, as a share of that of the start. A narrow view registers most pairs better and
-/// loses a few that a wide one does not, too few for the pairs of a search to show: of 23° for 40°
-/// two of 40 held-out pairs, none of 120 that the search saw.
+/// Narrowest span, as a share of the start's place in the range of spans. A narrow view registers
+/// most pairs better and loses a few that a wide one does not, too few for the pairs of a search to
+/// show: a sensor of 23°, where the start has 40°, lost two of 40 held-out pairs and none of 120
+/// that its search saw.
 const NARROWEST: f64 = 0.75;
 
 /// The first `count` points of the Halton sequence (Halton, Numer. Math. 2, 1960) over those axes
