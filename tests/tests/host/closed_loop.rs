@@ -165,10 +165,10 @@ fn the_fast_search_moves_each_half_then_each_again_then_registration_then_both()
     let sensor = LidarPreset::Usual.parameters(false).len();
     let both = sensor + 8;
     for generation in &tuned.generations {
-        let (own, size) = match &generation.stage[..5] {
-            "regis" => (sensor..both, 8),
-            "lidar" => (0..sensor, sensor),
-            _ => (0..both, both),
+        let (own, size) = match &*generation.stage {
+            "joint" => (0..both, both),
+            stage if stage.starts_with("lidar") => (0..sensor, sensor),
+            _ => (sensor..both, 8),
         };
         assert_eq!(generation.candidates.len(), size, "{}", generation.stage);
         for (i, moved) in moved(generation).into_iter().enumerate() {
@@ -201,7 +201,7 @@ fn protocols_make_about_as_many_registrations_when_their_number_is_given() {
 #[test]
 fn a_steered_sensor_s_search_begins_at_the_best_aim_of_the_survey_or_at_the_start() {
     // At first the sensor looks up: most aims are better.
-    let upwards = ["scanner.pattern=steered", "lidar.tilt=15", "lidar.elevation_span=10"];
+    let upwards = ["scanner.pattern=steered", "lidar.tilt=24", "lidar.elevation_span=40"];
     let small = ["tune.generations=1", "tune.protocol=lidar", "tune.objective=error"];
     let config = |survey| config(&[&upwards[..], &small, &[survey]].concat());
     let surveyed = config("tune.survey=6");
@@ -225,6 +225,8 @@ fn a_steered_sensor_s_search_begins_at_the_best_aim_of_the_survey_or_at_the_star
         let values: BTreeSet<u64> = aims.iter().map(|aim| aim.values[field].to_bits()).collect();
         assert_eq!(values.len(), 6, "{field}");
     }
+    let narrowest = aims.iter().map(|aim| aim.values["lidar.elevation_span"]).fold(90.0, f64::min);
+    assert!((30.0..40.0).contains(&narrowest), "{narrowest}");
     // None was eliminated: there are too few pairs.
     let best = aims.iter().min_by(|a, b| a.fitness.total_cmp(&b.fitness)).expect("aims");
     let mut parameters = at.start;
@@ -268,6 +270,23 @@ fn the_winners_of_both_halves_put_together_are_a_finalist() {
         let of_half = both.finalists.iter().filter(|f| f.origin.starts_with(stage));
         let found = of_half.filter(|f| own(&f.values) == own(&combined.values)).count();
         assert!(found > 0, "{section}: {:?}", own(&combined.values));
+    }
+}
+
+#[test]
+fn each_half_goes_on_from_the_other_s_winner() {
+    // Here both halves find something better than the start.
+    let config = config(&["seed=61"]);
+    let (_, both) = tuned(&config, 2);
+    let space = search(&config).space;
+    let start = space.start_point();
+    for (stage, moved) in
+        [("registration again", space.lidar_axes()), ("lidar again", space.registration_axes())]
+    {
+        let first = both.generations.iter().find(|g| g.stage == stage).expect("the stage");
+        let differs = |i: &usize| (first.mean[*i] - start[*i]).abs() > 1e-9;
+        let found: Vec<usize> = (0..start.len()).filter(differs).collect();
+        assert!(!found.is_empty() && found.iter().all(|i| moved.contains(i)), "{stage}: {found:?}");
     }
 }
 
@@ -638,7 +657,8 @@ fn test_viewpoints_are_at_least_ten_metres_from_training_viewpoints() {
 
 #[test]
 fn the_choice_is_at_least_as_good_as_the_start_on_the_training_pairs() {
-    for seed in ["seed=1", "seed=2"] {
+    // Here no finalist is beyond the limit of lost pairs and plain mean, so fitness orders them.
+    for seed in ["seed=2", "seed=8"] {
         let config = config(&[seed, "tune.objective=error"]);
         let (_, tuned) = tuned(&config, 2);
         let search = search(&config);
@@ -653,7 +673,7 @@ fn the_choice_is_at_least_as_good_as_the_start_on_the_training_pairs() {
         let of_start =
             tuned.finalists.iter().find(|f| f.origin == "start").expect("the start is a finalist");
         assert_eq!(of_start.fitness, start);
-        assert!(tuned.finalists.is_sorted_by(|a, b| a.pairs >= b.pairs));
+        assert!(tuned.finalists.is_sorted_by(|a, b| a.fitness <= b.fitness || a.pairs > b.pairs));
     }
 }
 

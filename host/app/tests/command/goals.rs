@@ -43,7 +43,7 @@ fn every_other_cost_is_made_less_and_has_a_front_too() {
         let (least, front) = (format!("--minimise={cost}"), format!("--pareto={cost}"));
         let few = ["front.generations=4", "front.population=8", "front.pairs=2"];
         let few: Vec<&str> = few.iter().flat_map(|set| ["--set", set]).collect();
-        let own = [least.as_str(), &front, "--at-most-error=1.5x", "--generations=2"];
+        let own = [least.as_str(), &front, "--at-most-error=1.5x", "--generations=2", "--seed=4"];
         fixture.tune(&[&own[..], more, &few].concat());
         let result = fixture.result();
         let of = |judged: &Value| number(&judged["cost"][cost]);
@@ -52,8 +52,7 @@ fn every_other_cost_is_made_less_and_has_a_front_too() {
         let points = result["front"]["points"].as_array().expect("a list");
         let costs: Vec<f64> = points.iter().map(of).collect();
         assert!(costs.len() > 1, "{cost}: {costs:?}");
-        // Two that differ on the training pairs may cost the same on these.
-        assert!(costs.is_sorted(), "{cost}: {costs:?}");
+        assert!(costs.windows(2).all(|pair| pair[0] < pair[1]), "{cost}: {costs:?}");
     }
 }
 

@@ -97,20 +97,20 @@ pub fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> Vec<Sta
     }
     if is_staged && is_joint {
         let few = generations.div_ceil(2);
-        let [a, b, c, d, e, f] = SHARES;
         let first = Place::default();
         let halves = [
-            plan.stage("lidar", lidar.clone(), (generations, a), first),
-            plan.stage("registration", registration.clone(), (generations, b), first),
+            plan.stage("lidar", lidar.clone(), (generations, SHARES[0]), first),
+            plan.stage("registration", registration.clone(), (generations, SHARES[1]), first),
         ];
         let second = first.after_all(&halves);
         let again = [
-            plan.stage("registration again", registration.clone(), (few, c), second),
-            plan.stage("lidar again", lidar, (few, d), second),
+            plan.stage("registration again", registration.clone(), (few, SHARES[2]), second),
+            plan.stage("lidar again", lidar, (few, SHARES[3]), second),
         ];
         let third = second.after_all(&again);
-        let finer = [plan.stage("registration last", registration, (few, e), third)];
-        let both = [plan.stage("joint", all, (last.div_ceil(2), f), third.after_all(&finer))];
+        let finer = [plan.stage("registration last", registration, (few, SHARES[4]), third)];
+        let both =
+            [plan.stage("joint", all, (last.div_ceil(2), SHARES[5]), third.after_all(&finer))];
         return halves.into_iter().chain(again).chain(finer).chain(both).collect();
     }
     let [name, again] = match (lidar.is_empty(), registration.is_empty()) {

@@ -6,7 +6,7 @@
 
 use crate::parameters::{Parameters, Space};
 
-/// Axes of the survey, with the base of each coordinate's sequence.
+/// Axes of the survey, with the radix of each coordinate's sequence.
 const AXES: [(&str, u32); 3] = [("lidar.rows", 2), ("lidar.elevation_span", 3), ("lidar.tilt", 5)];
 
 /// Narrowest span, as a share of the start's place in the range of spans. A narrow view registers
@@ -20,8 +20,8 @@ const NARROWEST: f64 = 0.75;
 /// others by their value. None where no such axis is searched.
 pub(super) fn survey(space: &Space, base: &Parameters, count: usize) -> Vec<Parameters> {
     let axes = space.axes();
-    let place = |(name, base): (&str, u32)| {
-        axes.iter().position(|axis| axis.name == name).map(|place| (place, base))
+    let place = |(name, radix): (&str, u32)| {
+        axes.iter().position(|axis| axis.name == name).map(|place| (place, radix))
     };
     let own: Vec<(usize, u32)> = AXES.into_iter().filter_map(place).collect();
     if own.is_empty() {
@@ -29,8 +29,8 @@ pub(super) fn survey(space: &Space, base: &Parameters, count: usize) -> Vec<Para
     }
     let point = |number: u32| {
         let mut point = space.point(base);
-        for &(place, base) in &own {
-            let (axis, share) = (&axes[place], radical_inverse(number, base));
+        for &(place, radix) in &own {
+            let (axis, share) = (&axes[place], radical_inverse(number, radix));
             point[place] = match axis.name {
                 "lidar.rows" => axis.to_cube(axis.min * libm::pow(axis.max / axis.min, share)),
                 "lidar.elevation_span" => {
@@ -45,13 +45,13 @@ pub(super) fn survey(space: &Space, base: &Parameters, count: usize) -> Vec<Para
     (1..).take(count).map(point).collect()
 }
 
-/// The number's digits in a base, mirrored at the point: 0 to 1.
-fn radical_inverse(mut number: u32, base: u32) -> f64 {
+/// The number's digits by a radix, mirrored at the point: 0 to 1.
+fn radical_inverse(mut number: u32, radix: u32) -> f64 {
     let (mut share, mut inverse) = (1.0, 0.0);
     while number > 0 {
-        share /= f64::from(base);
-        inverse += share * f64::from(number % base);
-        number /= base;
+        share /= f64::from(radix);
+        inverse += share * f64::from(number % radix);
+        number /= radix;
     }
     inverse
 }
