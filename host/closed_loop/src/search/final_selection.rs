@@ -22,8 +22,12 @@ use crate::parameters::{Parameters, Values};
 use crate::seed::{Purpose, derive};
 use echoloop_sensors::sensor::SensorError;
 
-/// Pairs between two eliminations.
+/// Pairs between two eliminations at least.
 const LEG: usize = 5;
+
+/// Registrations between two eliminations at least: few finalists see more pairs at once, so that
+/// 16 threads have something to do.
+const AT_ONCE: usize = 32;
 
 /// Pairs before the first elimination.
 const FIRST_LOOK: usize = 10;
@@ -111,8 +115,18 @@ impl FinalSelection {
                 return Ok(Some(if stays { incumbent } else { leader }));
             }
             left = self.go_on(&left, leader, seen, fitness);
-            seen = (seen + LEG).min(self.pairs);
+            seen = self.next(&left, seen + LEG);
         }
+    }
+
+    /// Pairs that these finalists see next: `least`, or more if that is too little to do.
+    fn next(&self, left: &[usize], least: usize) -> usize {
+        let missing = |seen: usize| -> usize {
+            left.iter().map(|&i| seen.saturating_sub(self.entries[i].results.len())).sum()
+        };
+        let is_enough = |&seen: &usize| seen >= self.pairs || missing(seen) >= AT_ONCE;
+        let next = (least..).step_by(LEG).find(is_enough);
+        next.unwrap_or(self.pairs).min(self.pairs)
     }
 
     /// Evaluates finalists up to `seen` pairs each; false when interrupted.
