@@ -34,8 +34,9 @@ pub(crate) struct Proof {
     /// Only these kinds of scene.
     #[arg(long, value_delimiter = ',', value_parser = PROOF.choices("scene"))]
     scene: Vec<String>,
-    /// Only these conditions.
-    #[arg(long, value_delimiter = ',', default_value = "quarter",
+    /// Only these conditions. Of `whole`, which leaves little to gain, both together alone are run,
+    /// unless rows are given.
+    #[arg(long, value_delimiter = ',', default_value = "dim,whole",
           value_parser = PROOF.choices("condition"))]
     condition: Vec<String>,
     /// Only these seeds; the towns of a seed are its own.
@@ -82,8 +83,13 @@ impl Proof {
             ("seed", &seeds),
             ("hand", &any),
         ]);
+        let is_asked = |cell: &Cell| {
+            let is_row_of_all = ["nothing", "joint"].contains(&cell.of("tuned"));
+            cell.of("condition") != "whole" || !self.tuned.is_empty() || is_row_of_all
+        };
         // No axis of cells: it has the settings of rows of a sensor set by hand.
-        cells.into_iter().map(|cell| cell.without("hand")).collect()
+        let cells = cells.into_iter().map(|cell| cell.without("hand"));
+        cells.filter(is_asked).collect()
     }
 }
 
@@ -118,14 +124,30 @@ fn job(cell: &Cell, lines: &[Line<Run>]) -> Result<Option<Job>> {
     Ok(match cell.of("tuned") {
         "nothing" => evaluate(Vec::new()),
         "combined" => candidate(cell, lines, ["lidar", "registration"])?,
-        "ideal" => candidate(cell, lines, ["registration"; 2])?,
-        "hand" => {
-            let settings = PROOF.settings(&Cell::default().with("hand", cell.of("condition")));
-            let own = settings.iter().filter(|setting| setting.starts_with("lidar."));
-            tune(own.map(|setting| format!("--set={setting}")).collect())
-        }
-        _ => tune(Vec::new()),
+        "combined-hand" => candidate(cell, lines, ["lidar", "hand"])?,
+        "ideal" => candidate(cell, lines, ["hand"; 2])?,
+        "registration" => tune(Vec::new()),
+        "hand" => tune(set_by_hand(cell).iter().map(|own| format!("--set={own}")).collect()),
+        // What searches the sensor knows the one set by hand.
+        _ => tune(warm_start(&set_by_hand(cell)).into_iter().collect()),
     })
+}
+
+/// Settings of the sensor set by hand for a cell's condition.
+fn set_by_hand(cell: &Cell) -> Vec<String> {
+    let mut settings = PROOF.settings(&Cell::default().with("hand", cell.of("condition")));
+    settings.retain(|setting| setting.starts_with("lidar."));
+    settings
+}
+
+/// Flag by which a search may begin at these settings.
+fn warm_start(settings: &[String]) -> Option<String> {
+    let field = |setting: &String| {
+        let (key, value) = setting.split_once('=')?;
+        Some(format!("\"{key}\"={value}"))
+    };
+    let table: Vec<String> = settings.iter().filter_map(field).collect();
+    (!table.is_empty()).then(|| format!("--set=tune.warm_starts=[{{{}}}]", table.join(",")))
 }
 
 /// Run that judges the sensor of one row with the registration of another.
@@ -177,14 +199,32 @@ mod tests {
     }
 
     #[test]
-    fn all_of_it_is_every_row_of_twelve_places_on_five_seeds_a_seed_after_the_other() {
+    fn all_of_it_is_every_row_in_the_dim_and_two_with_the_whole_budget_a_seed_after_the_other() {
         let all = cells(&[]);
-        assert_eq!(all.len(), 8 * 4 * 3 * 5);
+        assert_eq!(all.len(), (9 + 2) * 4 * 3 * 5);
         assert!(all.is_sorted_by_key(|cell| cell.of("seed")));
-        // A half comes before what is put together of it.
+        let whole = all.iter().filter(|cell| cell.of("condition") == "whole");
+        assert!(whole.into_iter().all(|cell| ["nothing", "joint"].contains(&cell.of("tuned"))));
+        assert_eq!(cells(&["--condition=whole", "--tuned=hand", "--seed=601"]).len(), 4 * 3);
+        // What is put together comes after what it is made of.
         let place = |tuned: &str| all.iter().position(|cell| cell.of("tuned") == tuned).unwrap();
         assert!(place("combined") > place("lidar").max(place("registration")));
-        assert!(place("ideal") > place("registration"));
+        assert!(place("combined-hand") > place("lidar").max(place("hand")));
+        assert!(place("ideal") > place("hand"));
+    }
+
+    #[test]
+    fn what_searches_the_sensor_may_begin_at_the_one_set_by_hand() {
+        let of = |tuned: &str, condition: &str| {
+            let cell = cells(&[&format!("--tuned={tuned}"), &format!("--condition={condition}")]);
+            job(&cell[0], &[]).unwrap().unwrap().arguments
+        };
+        let quarter = "--set=tune.warm_starts=[{\"lidar.rows\"=16,\"lidar.elevation_span\"=30}]";
+        for tuned in ["lidar", "random", "joint"] {
+            assert_eq!(of(tuned, "quarter"), [quarter]);
+            assert!(of(tuned, "whole").is_empty());
+        }
+        assert!(of("registration", "quarter").is_empty());
     }
 
     #[test]
@@ -209,7 +249,7 @@ mod tests {
 
     #[test]
     fn a_cell_costs_what_the_lines_most_like_it_did() {
-        let cells = cells(&["--tuned=joint", "--method=icp,mac", "--seed=601"]);
+        let cells = cells(&["--tuned=joint", "--method=icp,mac", "--condition=dim", "--seed=601"]);
         let of = |method: &str, scene: &str| {
             let is_it = |cell: &&Cell| [cell.of("method"), cell.of("scene")] == [method, scene];
             cells.iter().find(is_it).unwrap()

@@ -12,7 +12,8 @@ use crate::study::table::{as_ratio, ratio};
 /// Row whose gain is to be proved.
 const BOTH: &str = "joint";
 /// Rows that both together have to be shown better than.
-const CONTROLS: [&str; 5] = ["nothing", "lidar", "registration", "combined", "hand"];
+const CONTROLS: [&str; 7] =
+    ["nothing", "lidar", "registration", "combined", "hand", "combined-hand", "random"];
 
 const HEAD: &str = "\
 | scene | tuned | runs | searched | CPU s | recall | mean error | worst | both together to this |
