@@ -71,9 +71,10 @@ impl Fitness<'_> {
     }
 
     /// True when errors are such that a candidate may not be chosen. Where a cost is minimised:
-    /// beyond its limit, to which the penalty shows the way back during the search. Else: more
-    /// pairs lost than the start loses, or a plain mean that is larger by a standard error. A mean
-    /// that few bad pairs hardly move does not see these; whoever uses the sensor does.
+    /// beyond its limit, to which the penalty shows the way back during the search. Else: by a
+    /// standard error more pairs lost than by the start, or a plain mean that is larger by one; of
+    /// what loses more pairs at all, a plain mean that is larger. A mean that few bad pairs hardly
+    /// move does not see these; whoever uses the sensor does.
     pub(super) fn is_beyond_the_limit(&self, errors: &[PairError]) -> bool {
         if self.start.is_empty() {
             return false;
@@ -83,8 +84,16 @@ impl Fitness<'_> {
         }
         let of_start = self.of_start(errors);
         let plain = Worth { mean: ErrorMean::Arithmetic, cap: self.tune.error_cap };
-        self.lost(errors) > self.lost(&of_start)
-            || paired_t(&plain.losses(errors), &plain.losses(&of_start)) > SURE
+        let behind = paired_t(&plain.losses(errors), &plain.losses(&of_start));
+        let is_lost = |error: &PairError| !succeeds(error, self.data);
+        let lost_by = |one: &[PairError], other: &[PairError]| {
+            one.iter().zip(other).filter(|(own, other)| is_lost(own) && !is_lost(other)).count()
+        };
+        let [more, less] = [lost_by(errors, &of_start), lost_by(&of_start, errors)];
+        let net = more as f64 - less as f64;
+        // Were each of these pairs lost by either with the same chance, the standard deviation of
+        // their difference would be the root of their number.
+        net > SURE * ((more + less) as f64).sqrt() || behind > if net > 0.0 { 0.0 } else { SURE }
     }
 
     /// Errors of the start on the pairs of these.
@@ -217,6 +226,19 @@ mod tests {
         assert!(!refused(0.009, 0.03), "one that is worse among 38 that are better");
         let nothing = Fitness { start: Vec::new(), ..measure };
         assert!(!nothing.is_beyond_the_limit(&errors(0.1, 0.6)), "nothing to compare with");
+        // A start that errs so much that a pair is made up for in the plain mean.
+        let start = errors(0.2, 0.2).into_iter().map(|error| PairResult { error, cost: None });
+        let measure = Fitness { start: start.collect(), ..nothing };
+        let lost = |count: usize| -> Vec<PairError> {
+            let own = |(i, _)| error(i, if (1..=count).contains(&i) { 3.0 } else { 0.01 });
+            errors(0.0, 0.0).into_iter().enumerate().map(own).collect()
+        };
+        assert!(!measure.is_beyond_the_limit(&lost(1)), "one lost for one found");
+        let found = PairResult { error: error(0, 0.01), cost: None };
+        let finds_all = [&[found][..], &measure.start[1..]].concat();
+        let of_all = Fitness { start: finds_all, ..measure };
+        assert!(!of_all.is_beyond_the_limit(&lost(1)), "one lost, and the plain mean is less");
+        assert!(of_all.is_beyond_the_limit(&lost(2)), "two lost that the start finds");
     }
 
     #[test]

@@ -85,7 +85,7 @@ impl SearchRun<'_> {
         let mut selection =
             FinalSelection::new(search.bench.dataset.train.len(), search.config.seed);
         let start = selection.enter(Origin::Start, search.start);
-        let begin = self.begin(&stages, &mut selection, start)?;
+        let (given, begin) = self.begin(&stages, &mut selection, start)?;
         let mut winners = vec![start, begin];
         let halves = lines.next().unwrap_or_default();
         let from_begin: Vec<_> = halves.iter().map(|half| (half, begin)).collect();
@@ -123,7 +123,7 @@ impl SearchRun<'_> {
             choice = self.select(&mut selection, choice, found.concat())?;
         }
         self.expect_end_of_journal()?;
-        let mut simpler = winners;
+        let mut simpler = [&given, &winners[1..]].concat();
         if choice != of_half {
             simpler.extend(selection.best(NEXT, &self.fitness).into_iter().rev());
         }
@@ -144,31 +144,33 @@ impl SearchRun<'_> {
         })
     }
 
-    /// Where the search begins: the best of the start, the warm starts, and the survey from there.
+    /// The start and the warm starts, and the best of them and of the survey from there, where the
+    /// search begins.
     fn begin(
         &mut self,
         stages: &[Stage],
         selection: &mut FinalSelection,
         start: usize,
-    ) -> Result<usize, TuneError> {
+    ) -> Result<(Vec<usize>, usize), TuneError> {
         let TuneSearch { config, space, warm_starts, .. } = self.search;
+        let mut given = vec![start];
         if stages.is_empty() {
-            return Ok(start);
+            return Ok((given, start));
         }
         self.select(selection, start, Vec::new())?;
         self.fitness.start = selection.results(start).to_vec();
         self.expect_something_to_keep()?;
         self.pair_weights = weights_by_difficulty(&self.losses_of_start());
         let each = warm_starts.iter().enumerate();
-        let warm = each.map(|(i, own)| selection.enter(Origin::WarmStart(i + 1), *own)).collect();
-        let begin = self.select(selection, start, warm)?;
+        given.extend(each.map(|(i, own)| selection.enter(Origin::WarmStart(i + 1), *own)));
+        let begin = self.select(selection, start, given[1..].to_vec())?;
         let count = match config.tune.sampler {
             Sampler::CmaEs => config.tune.survey,
             Sampler::Random => 0, // it looks everywhere already
         };
         let aims = survey(space, selection.parameters(begin), count).into_iter().enumerate();
         let aims = aims.map(|(i, own)| selection.enter(Origin::Survey(i + 1), own)).collect();
-        self.select(selection, begin, aims)
+        Ok((given, self.select(selection, begin, aims)?))
     }
 
     /// Compares the choice with the `simpler` ones, from the start on, on pairs that no search has
@@ -202,7 +204,7 @@ impl SearchRun<'_> {
         let (mut standing, mut against) = (0, 0);
         // What stands has to be evaluated on all pairs before anybody is compared with it.
         self.select_on((&evaluator, &self.fitness), &mut check, standing, Vec::new())?;
-        // Of these pairs, too, none of them may lose more than the start.
+        // Of these pairs, too, what stands is held to what the start loses.
         let of_start = check.results(standing).to_vec();
         let fitness = &Fitness { start: of_start, ..self.fitness };
         for next in 1..each.len() {
