@@ -21,6 +21,10 @@ use echoloop_cmaes::CmaEs;
 /// Weight of the hardest training pair in the draw; the easiest has 1.
 const HARDEST: f64 = 3.0;
 
+/// Lead in standard errors with which an aim of the survey becomes the search's beginning: the best
+/// of 32 that are no better has the one that a finalist needs as a rule.
+const SURVEYED: f64 = 2.0;
+
 /// Finalists next to the choice that are checked, too.
 const NEXT: usize = 3;
 
@@ -170,7 +174,11 @@ impl SearchRun<'_> {
         };
         let aims = survey(space, selection.parameters(begin), count).into_iter().enumerate();
         let aims = aims.map(|(i, own)| selection.enter(Origin::Survey(i + 1), own)).collect();
-        Ok((given, self.select(selection, begin, aims)?))
+        let best = self.select(selection, begin, aims)?;
+        let seen = selection.results(best).len();
+        let is_sure =
+            selection.ahead(best, begin, seen, &self.fitness).is_none_or(|a| a > SURVEYED);
+        Ok((given, if is_sure { best } else { begin }))
     }
 
     /// Compares the choice with the `simpler` ones, from the start on, on pairs that no search has
