@@ -1,6 +1,9 @@
 //! Evaluation of many registrations: a pair is scanned once for all that share settings and noise.
 
+use std::cmp::Reverse;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
@@ -23,6 +26,18 @@ pub(crate) struct Task<'a> {
     pub noise: u64,
 }
 
+/// Samples of a beam that take as long as its share of a registration.
+const OF_A_REGISTRATION: u64 = 400;
+
+/// Times of the registrations that share one scan.
+#[derive(Clone, Debug)]
+pub struct ScanTimes {
+    /// Time of both scans, which come first.
+    pub scan: Duration,
+    /// Times of the registrations, which are independent of each other.
+    pub registrations: Vec<Duration>,
+}
+
 /// Scans and registers pairs on the threads of the pool.
 pub(crate) struct Evaluator<'a> {
     pub bench: Bench<'a>,
@@ -43,44 +58,78 @@ impl Evaluator<'_> {
         &self,
         tasks: &[Task<'_>],
     ) -> Result<Option<Vec<PairResult>>, SensorError> {
-        let groups = grouped(tasks.len(), |a, b| is_same_scan(&tasks[a], &tasks[b]));
-        let done = groups.par_iter().map(|group| self.group(tasks, group));
+        let mut groups = grouped(tasks.len(), |a, b| is_same_scan(&tasks[a], &tasks[b]));
+        // What takes long begins first, in this order on any thread that is free: at the end of a
+        // batch other threads wait for the last of it.
+        groups.sort_by_key(|group| Reverse(self.work(tasks, group)));
+        let done: Vec<OnceLock<_>> = groups.iter().map(|_| OnceLock::new()).collect();
+        let has_failed = &AtomicBool::new(false);
+        rayon::scope_fifo(|scope| {
+            for (group, done) in groups.iter().zip(&done) {
+                scope.spawn_fifo(move |_| {
+                    if !has_failed.load(Ordering::Relaxed) {
+                        let result = done.get_or_init(|| self.group(tasks, group));
+                        has_failed.fetch_or(result.is_err(), Ordering::Relaxed);
+                    }
+                });
+            }
+        });
+        let done = done.into_iter().filter_map(OnceLock::into_inner);
         let Some(done) = done.collect::<Result<Option<Vec<_>>, SensorError>>()? else {
             return Ok(None);
         };
-        let mut results: Vec<(usize, PairResult)> = done.into_iter().flatten().collect();
+        let (results, times): (Vec<_>, Vec<_>) = done.into_iter().unzip();
+        self.observer.batch(&times);
+        let mut results: Vec<(usize, PairResult)> = results.into_iter().flatten().collect();
         results.sort_by_key(|(task, _)| *task);
         Ok(Some(results.into_iter().map(|(_, result)| result).collect()))
     }
 
-    /// Results of the tasks that share one scan, by index of the task.
+    /// About as much work as a group is: samples of a scan. A registration takes as long as the
+    /// samples of [`OF_A_REGISTRATION`] of each beam.
+    fn work(&self, tasks: &[Task<'_>], group: &[usize]) -> u64 {
+        let settings = &tasks[group[0]].parameters.settings;
+        let pattern = self.bench.dataset.beams.pattern();
+        let beams = pattern.aimed(settings).unwrap_or(*pattern).beams();
+        let samples: u64 = (settings.bins * settings.shots).unsigned_abs().into();
+        u64::from(beams) * (samples + OF_A_REGISTRATION * group.len() as u64)
+    }
+
+    /// Results of the tasks that share one scan, by index of the task, and their times.
     fn group(
         &self,
         tasks: &[Task<'_>],
         group: &[usize],
-    ) -> Result<Option<Vec<(usize, PairResult)>>, SensorError> {
+    ) -> Result<Option<(Vec<(usize, PairResult)>, ScanTimes)>, SensorError> {
         let Task { parameters, pair, noise } = tasks[group[0]];
         if self.stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
+        let begun = Instant::now();
         let scanned = self.bench.scan(&parameters.settings, pair, &self.pairs[pair], noise)?;
         let cost = self.scanner.and_then(|scanner| {
             let weighed = |scan| scanner.cost(&parameters.settings, scan);
             ScanCost::mean(&scanned.scans.each_ref().map(|scan| weighed(scan)))
         });
+        let scan = begun.elapsed();
         let registration = |i: usize| &tasks[group[i]].parameters.registration;
         let same = grouped(group.len(), |a, b| registration(a) == registration(b));
         let done = same.par_iter().map(|same| {
             if self.stop.load(Ordering::Relaxed) {
                 return None;
             }
+            let begun = Instant::now();
             let (error, _) = scanned.register(registration(same[0]));
+            let time = begun.elapsed();
             same.iter().for_each(|_| self.observer.evaluated());
             let result = PairResult { error, cost };
-            Some(same.iter().map(|&i| (group[i], result.clone())).collect::<Vec<_>>())
+            Some((same.iter().map(|&i| (group[i], result.clone())).collect::<Vec<_>>(), time))
         });
         let done: Option<Vec<_>> = done.collect();
-        Ok(done.map(|done| done.into_iter().flatten().collect()))
+        Ok(done.map(|done| {
+            let (results, registrations): (Vec<_>, _) = done.into_iter().unzip();
+            (results.into_iter().flatten().collect(), ScanTimes { scan, registrations })
+        }))
     }
 }
 

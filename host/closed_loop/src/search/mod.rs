@@ -34,6 +34,7 @@ use echoloop_cmaes::Constants;
 
 #[cfg(doc)]
 use crate::config::preset::Strategy;
+pub use batch::ScanTimes;
 pub(super) use batch::{Evaluator, Task};
 pub use external_candidate::Judge;
 pub(super) use fitness::mean_cost;

@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::batch::ScanTimes;
 use super::stage::{Stage, stages};
 use crate::config::RunConfig;
 use crate::config::preset::Strategy;
@@ -84,6 +85,8 @@ pub trait Observer: Sync {
     fn generation(&self, _generation: &Generation, _of: u32) {}
     /// Another part of the work begins, of `registrations` registrations.
     fn stage(&self, _name: &str, _registrations: usize) {}
+    /// Registrations made at once are done; the search waits for all of them.
+    fn batch(&self, _times: &[ScanTimes]) {}
 }
 
 /// Observer that ignores everything.
