@@ -41,6 +41,8 @@ pub struct Choice {
     title: String,
     help: String,
     set: Vec<String>,
+    /// Processor time of a cell by one axis, s, and factors of it by others.
+    cost: Option<f64>,
 }
 
 /// One value of each axis, by the axis' name. A record has numbers as numbers.
@@ -103,6 +105,16 @@ impl Plan {
             cells = all.collect();
         }
         cells
+    }
+
+    /// Processor time of a cell as the plan has it, s: the product of what its values cost; those
+    /// without a cost change nothing.
+    pub fn cost(&self, cell: &Cell) -> f64 {
+        let of_axis = |axis: &Axis| {
+            let own = axis.values.iter().find(|choice| choice.name == cell.of(&axis.name));
+            own.and_then(|choice| choice.cost).unwrap_or(1.0)
+        };
+        self.axis.iter().map(of_axis).product()
     }
 
     /// Settings of a cell's run. Of two that set one key the later does.
@@ -201,14 +213,22 @@ mod tests {
         set = ["seed={}", "scene.towns=[{}01]"]
         [[axis]]
         name = "weather"
-        values = [{ name = "clear" }, { name = "fog", title = "Fog", set = ["weather.kind=fog"] }]
+        values = [
+            { name = "clear", cost = 20.0 },
+            { name = "fog", title = "Fog", set = ["weather.kind=fog"], cost = 50.0 },
+        ]
+        [[axis]]
+        name = "method"
+        values = [{ name = "icp" }, { name = "fgr", cost = 1.5 }]
     "#;
 
     #[test]
     fn cells_are_every_combination_and_the_last_axis_varies_fastest() {
         let plan = Plan::read(PLAN);
         let seeds = ["1", "2"].map(String::from);
-        let cells = plan.cells(&[("seed", &seeds), ("weather", &[])]);
+        let icp = ["icp".to_owned()];
+        let cells = plan.cells(&[("seed", &seeds), ("weather", &[]), ("method", &icp)]);
+        let cells: Vec<Cell> = cells.into_iter().map(|cell| cell.without("method")).collect();
         let names: Vec<String> = cells.iter().map(Cell::to_string).collect();
         assert_eq!(names, ["seed 1 clear", "seed 1 fog", "seed 2 clear", "seed 2 fog"]);
         let [all, seed, towns, fog] =
@@ -220,5 +240,7 @@ mod tests {
         let titles: Vec<&str> = plan.values("weather").iter().map(Choice::title).collect();
         assert_eq!(titles, ["clear", "Fog"]);
         assert!(plan.keys("seed").eq(["seed", "scene.towns"]));
+        let costs = ["icp", "fgr"].map(|method| plan.cost(&cells[3].with("method", method)));
+        assert_eq!((costs, plan.cost(&cells[0])), ([50.0, 75.0], 20.0));
     }
 }
