@@ -119,17 +119,20 @@ fn main() -> echoloop_benches::Result<()> {
         let efficiency = (parallel + between) / (threads as f64 * (makespans + between));
         println!("simulated: efficiency {efficiency:.2} on {threads} threads");
     }
-    let bounds = [0, 8, 16, 32, 64, usize::MAX];
+    let bounds = [1, 8, 16, 32, 64, usize::MAX];
     for bound in bounds.windows(2) {
         let size = |batch: &Vec<ScanTimes>| -> usize {
             batch.iter().map(|scan| scan.registrations.len()).sum()
         };
         let is_own = |batch: &&Vec<ScanTimes>| (bound[0]..bound[1]).contains(&size(batch));
         let own: Vec<_> = batches.iter().filter(is_own).collect();
+        if own.is_empty() {
+            continue;
+        }
         let time: f64 = own.iter().map(|batch| work(batch)).sum();
         let makespans: f64 = own.iter().map(|batch| makespan(batch, MANY)).sum();
         println!(
-            "{} batches of {} registrations or more: {:.1} % of the work, efficiency {:.2} on {MANY}",
+            "{} batches of {} registrations or more: {:.1} % of the work, {:.2} on {MANY} threads",
             own.len(),
             bound[0],
             100.0 * time / parallel,

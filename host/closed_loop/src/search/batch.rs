@@ -29,6 +29,9 @@ pub(crate) struct Task<'a> {
 /// Samples of a beam that take as long as its share of a registration.
 const OF_A_REGISTRATION: u64 = 400;
 
+/// Results by index of the task.
+type ByTask = Vec<(usize, PairResult)>;
+
 /// Times of the registrations that share one scan.
 #[derive(Clone, Debug)]
 pub struct ScanTimes {
@@ -100,7 +103,7 @@ impl Evaluator<'_> {
         &self,
         tasks: &[Task<'_>],
         group: &[usize],
-    ) -> Result<Option<(Vec<(usize, PairResult)>, ScanTimes)>, SensorError> {
+    ) -> Result<Option<(ByTask, ScanTimes)>, SensorError> {
         let Task { parameters, pair, noise } = tasks[group[0]];
         if self.stop.load(Ordering::Relaxed) {
             return Ok(None);
