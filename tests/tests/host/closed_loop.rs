@@ -238,6 +238,29 @@ fn a_steered_sensor_s_search_begins_at_the_best_aim_of_the_survey_or_at_the_star
 }
 
 #[test]
+fn an_aim_that_may_be_better_by_chance_is_not_where_the_search_begins() {
+    // Of both seeds an aim has half the start's error, of one by two standard errors.
+    let small = ["tune.generations=1", "tune.protocol=lidar", "tune.survey=6"];
+    let aim = ["lidar.tilt=-18", "lidar.elevation_span=48", "lidar.rows=28", "lidar.columns=225"];
+    let others = ["scanner.pattern=steered", "tune.objective=error", "data.train_pairs=8"];
+    for (seed, begins_at_the_aim) in [("seed=15", false), ("seed=16", true)] {
+        let config = config(&[&small[..], &aim, &others, &[seed]].concat());
+        let dataset = Dataset::build(&config, &|_, _| ()).expect("a town");
+        let sensors = Sensors::in_process(Model::from(&config));
+        let bench = Bench { dataset: &dataset, sensors: &sensors };
+        let at = TuneSearch { bench, ..search(&config) };
+        let (_, tuned) = run(&at, &Silent);
+        let fitness = |of: &str| {
+            let own = tuned.finalists.iter().filter(|f| f.origin.starts_with(of));
+            own.map(|f| f.fitness).fold(1.0, f64::min)
+        };
+        assert!(fitness("survey ") < 0.51 * fitness("start"), "{seed}");
+        let begins_at_the_start = tuned.generations[0].mean == at.space.start_point();
+        assert_eq!(begins_at_the_start, !begins_at_the_aim, "{seed}");
+    }
+}
+
+#[test]
 fn random_points_are_drawn_from_all_of_the_ranges_whatever_was_found_before() {
     let (_, tuned) = tuned(&config(&["tune.sampler=random", "tune.generations=5"]), 2);
     let points: Vec<&Vec<f64>> =
@@ -442,6 +465,28 @@ fn a_half_alone_is_checked_against_the_start() {
     let (found, _) = checked(&config(&own), TOWN.test.clone());
     let check = found.check.expect("a check");
     assert!(check.holds && check.of == "start" && check.pairs == 3, "{check:?}");
+}
+
+#[test]
+fn a_choice_is_checked_against_every_warm_start() {
+    let own = [&BY_ENERGY[..], &["tune.protocol=lidar"]].concat();
+    let config = config(&own);
+    let dataset = Dataset { check: TOWN.test.clone(), ..TOWN.clone() };
+    let with = |powers: &[f64]| {
+        let bench = Bench { dataset: &dataset, sensors: &SENSORS };
+        let mut search = TuneSearch { bench, ..search(&config) };
+        for &power in powers {
+            let mut warm = search.start;
+            assert!(warm.set("lidar.power", power));
+            search.warm_starts.push(warm);
+        }
+        run(&search, &Silent).1
+    };
+    // The search begins at what has less light; nothing follows from the other.
+    let (one, two) = (with(&[20.0]), with(&[20.0, 40.0]));
+    assert_eq!(one.parameters, two.parameters);
+    let more = dataset.train.len() + dataset.check.len();
+    assert_eq!(two.registrations, one.registrations + more);
 }
 
 #[test]

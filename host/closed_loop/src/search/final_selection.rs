@@ -293,7 +293,7 @@ fn most_after(pairs: usize) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::sync::Mutex;
 
     use crate::parameters::Device;
     use echoloop_random::Generator;
@@ -338,12 +338,13 @@ mod tests {
         step: f64,
         spread: f64,
         selection: FinalSelection,
-        made: usize,
+        /// Registrations made at once.
+        batches: Vec<usize>,
     }
 
     impl Staged {
         fn new(step: f64, spread: f64) -> Self {
-            Self { step, spread, selection: FinalSelection::new(PAIRS, 1), made: 0 }
+            Self { step, spread, selection: FinalSelection::new(PAIRS, 1), batches: Vec::new() }
         }
 
         fn enter(&mut self, numbers: impl IntoIterator<Item = u32>) -> Vec<usize> {
@@ -354,9 +355,9 @@ mod tests {
         fn winner(&mut self, incumbent: usize, finalists: &[usize]) -> usize {
             let (tune, data) = (TuneConfig::default(), DataConfig::default());
             let fitness = Fitness { tune: &tune, data: &data, start: Vec::new() };
-            let (step, spread, made) = (self.step, self.spread, AtomicUsize::new(0));
+            let (step, spread, batches) = (self.step, self.spread, Mutex::new(Vec::new()));
             let evaluate = |tasks: &[Task<'_>]| {
-                made.fetch_add(tasks.len(), Ordering::Relaxed);
+                batches.lock().expect("nothing panics").push(tasks.len());
                 let result = |task: &Task<'_>| {
                     let number = task.parameters.get(NUMBER).expect("a number");
                     let own = Generator::from_key([task.noise, number as u64, 0, 0]).normals(1)[0];
@@ -367,8 +368,12 @@ mod tests {
                 Ok(Some(tasks.iter().map(result).collect()))
             };
             let winner = self.selection.winner(incumbent, finalists.to_vec(), &fitness, &evaluate);
-            self.made += made.into_inner();
+            self.batches.extend(batches.into_inner().expect("nothing panics"));
             winner.expect("a sensor").expect("nobody stops it")
+        }
+
+        fn made(&self) -> usize {
+            self.batches.iter().sum()
         }
 
         fn pairs_seen(&self, finalists: &[usize]) -> Vec<usize> {
@@ -395,6 +400,19 @@ mod tests {
     }
 
     #[test]
+    fn between_two_looks_there_is_work_for_many_threads() {
+        let mut staged = Staged::new(0.0, 0.1);
+        let finalists = staged.enter([10, 11]);
+        staged.winner(finalists[0], &finalists);
+        // Both see 10, 30, 50 and 65 pairs.
+        assert_eq!(staged.batches, [20, 40, 40, 30]);
+        // Who comes later sees more at once, as the others are done.
+        let later = staged.enter([12]);
+        staged.winner(finalists[0], &later);
+        assert_eq!(staged.batches[4..], [10, 35, 20]);
+    }
+
+    #[test]
     fn without_significant_differences_the_number_that_go_on_is_bounded() {
         let mut staged = Staged::new(0.0, 1.0);
         let finalists = staged.enter(10..22);
@@ -410,11 +428,11 @@ mod tests {
         let mut staged = Staged::new(0.2, 0.1);
         let worst = staged.enter([30])[0];
         assert_eq!(staged.winner(worst, &[]), worst);
-        assert_eq!(staged.made, PAIRS);
+        assert_eq!(staged.made(), PAIRS);
         let others = staged.enter([10, 20]);
         assert_eq!(staged.winner(worst, &others), others[0]);
         assert_eq!(staged.pairs_seen(&others), [65, 10]);
-        assert_eq!(staged.made, 2 * PAIRS + 10);
+        assert_eq!(staged.made(), 2 * PAIRS + 10);
         // Equal parameters are one finalist.
         assert_eq!(staged.enter([30, 10]), [worst, others[0]]);
     }
