@@ -64,7 +64,7 @@ impl Evaluator<'_> {
         let mut groups = grouped(tasks.len(), |a, b| is_same_scan(&tasks[a], &tasks[b]));
         // What takes long begins first, in this order on any thread that is free: at the end of a
         // batch other threads wait for the last of it.
-        groups.sort_by_key(|group| Reverse(self.work(tasks, group)));
+        groups.sort_by_cached_key(|group| Reverse(self.work(tasks, group)));
         let done: Vec<OnceLock<_>> = groups.iter().map(|_| OnceLock::new()).collect();
         let has_failed = &AtomicBool::new(false);
         rayon::scope_fifo(|scope| {

@@ -85,15 +85,13 @@ impl Fitness<'_> {
         let of_start = self.of_start(errors);
         let plain = Worth { mean: ErrorMean::Arithmetic, cap: self.tune.error_cap };
         let behind = paired_t(&plain.losses(errors), &plain.losses(&of_start));
-        let is_lost = |error: &PairError| !succeeds(error, self.data);
-        let lost_by = |one: &[PairError], other: &[PairError]| {
-            one.iter().zip(other).filter(|(own, other)| is_lost(own) && !is_lost(other)).count()
-        };
-        let [more, less] = [lost_by(errors, &of_start), lost_by(&of_start, errors)];
-        let net = more as f64 - less as f64;
-        // Were each of these pairs lost by either with the same chance, the standard deviation of
-        // their difference would be the root of their number.
-        net > SURE * ((more + less) as f64).sqrt() || behind > if net > 0.0 { 0.0 } else { SURE }
+        let is_found = |error: &PairError| succeeds(error, self.data);
+        let both = errors.iter().zip(&of_start);
+        let differ = both.filter(|(own, start)| is_found(own) != is_found(start)).count();
+        let net = self.lost(errors) as f64 - self.lost(&of_start) as f64;
+        // Were each pair that only one of them finds found by either with the same chance, the
+        // standard deviation of the difference would be the root of their number.
+        net > SURE * (differ as f64).sqrt() || behind > if net > 0.0 { 0.0 } else { SURE }
     }
 
     /// Errors of the start on the pairs of these.
