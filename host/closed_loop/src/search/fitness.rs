@@ -32,8 +32,11 @@ const LOST: f64 = 10.0;
 pub(super) struct Fitness<'a> {
     pub tune: &'a TuneConfig,
     pub data: &'a DataConfig,
-    /// Results of the start on every training pair; empty where no cost counts.
+    /// Results of the start on every pair; empty where no cost counts.
     pub start: Vec<PairResult>,
+    /// Results of what a choice may not fall behind on every pair, the best that was given; empty
+    /// where that is the start.
+    pub given: Vec<PairResult>,
 }
 
 impl Fitness<'_> {
@@ -72,9 +75,9 @@ impl Fitness<'_> {
 
     /// True when errors are such that a candidate may not be chosen. Where a cost is minimised:
     /// beyond its limit, to which the penalty shows the way back during the search. Else: by a
-    /// standard error more pairs lost than by the start, or a plain mean that is larger by one; of
-    /// what loses more pairs at all, a plain mean that is larger. A mean that few bad pairs hardly
-    /// move does not see these; whoever uses the sensor does.
+    /// standard error more pairs lost than by what was given, or a plain mean that is larger by
+    /// one; of what loses more pairs at all, a plain mean that is larger. A mean that few bad pairs
+    /// hardly move does not see these; whoever uses the sensor does.
     pub(super) fn is_beyond_the_limit(&self, errors: &[PairError]) -> bool {
         if self.start.is_empty() {
             return false;
@@ -82,21 +85,17 @@ impl Fitness<'_> {
         if self.tune.minimise.is_some() {
             return self.penalty(errors, Worth::from(self.tune).of(errors)) > 1.0;
         }
-        let of_start = self.of_start(errors);
+        let given = if self.given.is_empty() { &self.start } else { &self.given };
+        let given = on_the_pairs_of(errors, given);
         let plain = Worth { mean: ErrorMean::Arithmetic, cap: self.tune.error_cap };
-        let behind = paired_t(&plain.losses(errors), &plain.losses(&of_start));
+        let behind = paired_t(&plain.losses(errors), &plain.losses(&given));
         let is_found = |error: &PairError| succeeds(error, self.data);
-        let both = errors.iter().zip(&of_start);
-        let differ = both.filter(|(own, start)| is_found(own) != is_found(start)).count();
-        let net = self.lost(errors) as f64 - self.lost(&of_start) as f64;
+        let both = errors.iter().zip(&given);
+        let differ = both.filter(|(own, given)| is_found(own) != is_found(given)).count();
+        let net = self.lost(errors) as f64 - self.lost(&given) as f64;
         // Were each pair that only one of them finds found by either with the same chance, the
         // standard deviation of the difference would be the root of their number.
         net > SURE * (differ as f64).sqrt() || behind > if net > 0.0 { 0.0 } else { SURE }
-    }
-
-    /// Errors of the start on the pairs of these.
-    fn of_start(&self, errors: &[PairError]) -> Vec<PairError> {
-        errors.iter().filter_map(|e| Some(self.start.get(e.pair)?.error.clone())).collect()
     }
 
     fn lost(&self, errors: &[PairError]) -> usize {
@@ -105,7 +104,7 @@ impl Fitness<'_> {
 
     /// Penalty factor: 1 within the limit, growing beyond it.
     fn penalty(&self, errors: &[PairError], worth: f64) -> f64 {
-        let of_start = self.of_start(errors);
+        let of_start = on_the_pairs_of(errors, &self.start);
         let more_lost = self.lost(errors).saturating_sub(self.lost(&of_start)) as i32;
         let ratio = self.at_most(errors, &of_start, worth / Worth::from(self.tune).of(&of_start));
         libm::pow((ratio / self.tune.at_most_error).max(1.0), BEYOND) * LOST.powi(more_lost)
@@ -124,6 +123,11 @@ impl Fitness<'_> {
     fn start_cost(&self) -> Option<ScanCost> {
         mean_cost(&self.start)
     }
+}
+
+/// Errors of results, which are of every pair, on the pairs of these errors.
+fn on_the_pairs_of(errors: &[PairError], results: &[PairResult]) -> Vec<PairError> {
+    errors.iter().filter_map(|e| Some(results.get(e.pair)?.error.clone())).collect()
 }
 
 /// Mean cost of the scans; `None` where none was measured.
@@ -168,7 +172,7 @@ mod tests {
             (ErrorMean::Geometric, 0.02),
         ] {
             let tune = TuneConfig { error_mean, ..TuneConfig::default() };
-            let measure = Fitness { tune: &tune, data: &data, start: start() };
+            let measure = Fitness { tune: &tune, data: &data, start: start(), given: Vec::new() };
             let fitness = measure.of(&errors, cost(0.01).as_ref());
             assert!(close(fitness, expected * 0.01f64.powf(0.05)), "{fitness}");
             let losses = errors.iter().filter_map(|e| measure.loss(e, cost(0.01).as_ref()));
@@ -184,7 +188,7 @@ mod tests {
         let (minimise, error_mean) = (Some(CostKind::Energy), ErrorMean::Geometric);
         let tune = TuneConfig { minimise, error_mean, ..TuneConfig::default() };
         let data = DataConfig::default();
-        let measure = Fitness { tune: &tune, data: &data, start: start() };
+        let measure = Fitness { tune: &tune, data: &data, start: start(), given: Vec::new() };
         let fitness = |first: f64, second: f64, energy: f64| {
             measure.of(&[error(0, first), error(1, second)], cost(energy).as_ref())
         };
@@ -215,7 +219,8 @@ mod tests {
             (0..40).map(|i| error(i, own(i))).collect()
         };
         let start = errors(0.01, 0.02).into_iter().map(|error| PairResult { error, cost: None });
-        let measure = Fitness { tune: &tune, data: &data, start: start.collect() };
+        let measure =
+            Fitness { tune: &tune, data: &data, start: start.collect(), given: Vec::new() };
         let refused = |least, last| measure.is_beyond_the_limit(&errors(least, last));
         assert!(!refused(0.01, 0.02), "the start itself");
         assert!(!refused(0.005, 0.02));
@@ -237,6 +242,12 @@ mod tests {
         let of_all = Fitness { start: finds_all, ..measure };
         assert!(!of_all.is_beyond_the_limit(&lost(1)), "one lost, and the plain mean is less");
         assert!(of_all.is_beyond_the_limit(&lost(2)), "two lost that the start finds");
+        // Beside a warm start that finds all, the start, which loses as many, is no excuse.
+        let of_lost = |count| lost(count).into_iter().map(|error| PairResult { error, cost: None });
+        let of_three = Fitness { start: of_lost(3).collect(), ..of_all };
+        assert!(!of_three.is_beyond_the_limit(&lost(3)));
+        let of_warm = Fitness { given: of_lost(0).collect(), ..of_three };
+        assert!(of_warm.is_beyond_the_limit(&lost(3)), "three lost that the warm start finds");
     }
 
     #[test]
@@ -251,7 +262,8 @@ mod tests {
             let minimise = Some(CostKind::Energy);
             let tune = TuneConfig { minimise, error_mean: mean, ..TuneConfig::default() };
             let start = (0..16).map(|i| PairResult { error: error(i, 0.02), cost: cost(1.0) });
-            let measure = Fitness { tune: &tune, data: &data, start: start.collect() };
+            let measure =
+                Fitness { tune: &tune, data: &data, start: start.collect(), given: Vec::new() };
             let fitness = |pairs: usize, factors: [f64; 2]| {
                 let own = |i: usize| error(i, 0.02 * factors[i % 2]);
                 measure.of(&(0..pairs).map(own).collect::<Vec<_>>(), cost(0.1).as_ref())

@@ -127,11 +127,11 @@ impl SearchRun<'_> {
             choice = self.select(&mut selection, choice, found.concat())?;
         }
         self.expect_end_of_journal()?;
-        let mut simpler = [&given, &winners[1..]].concat();
+        let mut simpler = winners[1..].to_vec();
         if choice != of_half {
             simpler.extend(selection.best(NEXT, &self.fitness).into_iter().rev());
         }
-        let checked = self.checked(&selection, &simpler, choice)?;
+        let checked = self.checked(&selection, &given, &simpler, choice)?;
         let mut errors = selection.errors();
         let mut check = None;
         if let Some((on_check_pairs, standing, result)) = &checked {
@@ -168,6 +168,7 @@ impl SearchRun<'_> {
         let each = warm_starts.iter().enumerate();
         given.extend(each.map(|(i, own)| selection.enter(Origin::WarmStart(i + 1), *own)));
         let begin = self.select(selection, start, given[1..].to_vec())?;
+        self.fitness.given = selection.results(begin).to_vec();
         let count = match config.tune.sampler {
             Sampler::CmaEs => config.tune.survey,
             Sampler::Random => 0, // it looks everywhere already
@@ -181,28 +182,25 @@ impl SearchRun<'_> {
         Ok((given, if is_sure { best } else { begin }))
     }
 
-    /// Compares the choice with the `simpler` ones, from the start on, on pairs that no search has
-    /// seen: on pairs of a search the best of several equals is easily ahead by chance. Each has to
-    /// be ahead of what stands before it. Those next to the choice are among them: it may lose a
-    /// pair here that they keep. Returns what stands in the end; `None` without such pairs, where
-    /// an exact cost decides, or where the start is the choice.
+    /// Compares the choice with what was `given`, the start first, and with the `simpler` ones, on
+    /// pairs that no search has seen: on pairs of a search the best of several equals is easily
+    /// ahead by chance. Each has to be ahead of what stands before it. Those next to the choice are
+    /// among them: it may lose a pair here that they keep. Returns what stands in the end; `None`
+    /// without such pairs, where an exact cost decides, or where the start is the choice.
     fn checked(
         &self,
         selection: &FinalSelection,
+        given: &[usize],
         simpler: &[usize],
         choice: usize,
     ) -> Result<Option<(FinalSelection, usize, Check)>, TuneError> {
         let search = self.search;
         let pairs = &search.bench.dataset.check[..];
-        let mut each: Vec<usize> = Vec::new();
-        for &i in simpler.iter().chain([&choice]) {
-            each.retain(|&other| other != i);
-            each.push(i);
-        }
         let is_checked = TuneSearch::is_checked(&search.stages(), search.config);
-        if choice == simpler[0] || pairs.is_empty() || !is_checked {
+        if choice == given[0] || pairs.is_empty() || !is_checked {
             return Ok(None);
         }
+        let each = in_order(given[0], [&given[1..], simpler, &[choice]].concat());
         let evaluator = Evaluator { pairs, ..self.evaluator };
         let seed = derive(search.config.seed, Purpose::Check, 0);
         let mut check = FinalSelection::new(pairs.len(), seed);
@@ -212,19 +210,22 @@ impl SearchRun<'_> {
         let (mut standing, mut against) = (0, 0);
         // What stands has to be evaluated on all pairs before anybody is compared with it.
         self.select_on((&evaluator, &self.fitness), &mut check, standing, Vec::new())?;
-        // Of these pairs, too, what stands is held to what the start loses.
+        // Of these pairs, too, what stands is held to what the best that was given loses.
         let of_start = check.results(standing).to_vec();
-        let fitness = &Fitness { start: of_start, ..self.fitness };
-        for next in 1..each.len() {
+        let mut fitness = Fitness { given: of_start.clone(), start: of_start, ..self.fitness };
+        for (next, own) in each.iter().enumerate().skip(1) {
             against = standing;
-            standing = self.select_on((&evaluator, fitness), &mut check, standing, vec![next])?;
+            standing = self.select_on((&evaluator, &fitness), &mut check, standing, vec![next])?;
+            if given.contains(own) {
+                fitness.given = check.results(standing).to_vec();
+            }
         }
         let last = each.len() - 1;
         let seen = check.results(last).len();
         let holds = standing == last;
         let ahead = match holds {
-            true => check.ahead(last, against, seen, fitness),
-            false => check.behind(against, last, seen, fitness),
+            true => check.ahead(last, against, seen, &fitness),
+            false => check.behind(against, last, seen, &fitness),
         };
         let ahead = ahead.unwrap_or_default();
         let result = Check {
@@ -300,6 +301,13 @@ impl SearchRun<'_> {
     }
 }
 
+/// The first, then the others; of one that is there twice the later place counts.
+fn in_order(first: usize, others: Vec<usize>) -> Vec<usize> {
+    let is_last = |k: &usize| !others[k + 1..].contains(&others[*k]) && others[*k] != first;
+    let kept = (0..others.len()).filter(is_last).map(|k| others[k]);
+    [first].into_iter().chain(kept).collect()
+}
+
 /// Weights of pairs by rank of the start's loss on them, from 1 for the easiest to [`HARDEST`].
 /// Pairs that the start solves say little, and those that nobody solves say nothing, so none is
 /// left out and none decides.
@@ -315,6 +323,12 @@ fn weights_by_difficulty(losses: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_start_stays_the_first_of_the_check_and_the_choice_its_last() {
+        assert_eq!(in_order(0, vec![1, 0, 2, 5, 1, 0, 7, 5]), [0, 2, 1, 7, 5]);
+        assert_eq!(in_order(3, Vec::new()), [3]);
+    }
 
     #[test]
     fn pairs_harder_for_the_start_are_drawn_more_often() {
