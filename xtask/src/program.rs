@@ -119,7 +119,7 @@ fn finished<T>(
     let folder = runs.join(cell.to_string().replace(' ', "-"));
     let latest = folder.join("latest");
     match latest.join("history.jsonl").exists() {
-        true => command.arg("--resume").arg(&latest),
+        true => command.arg("--repair").arg("--resume").arg(&latest),
         false => command.arg("--runs").arg(&folder).args(arguments),
     };
     let result = read(&printed(&mut command)?)?;

@@ -38,34 +38,54 @@ impl<'de, T: DeserializeOwned> Deserialize<'de> for Line<T> {
     }
 }
 
-/// All lines of a record; none where there is no record yet.
+/// All lines of a record; none where there is no record yet. The end of a line whose writing was
+/// cut off is left out.
 ///
 /// # Errors
 ///
 /// Names the file, and the line that cannot be read.
 pub fn lines<T: DeserializeOwned>(path: &Path) -> io::Result<Vec<T>> {
-    let text = match fs::read_to_string(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-        text => text.map_err(|error| named("read", path, &error))?,
-    };
+    let text = text(path)?;
     let read = |(i, line): (usize, &str)| {
         let wrong = |error| format!("{}: line {}: {error}", path.display(), i + 1);
         serde_json::from_str(line).map_err(|error| io::Error::other(wrong(error)))
     };
-    text.lines().enumerate().map(read).collect()
+    whole(&text).lines().enumerate().map(read).collect()
 }
 
-/// Adds a line.
+/// Adds a line, in place of the end of one whose writing was cut off.
 ///
 /// # Errors
 ///
-/// Names the file, which cannot be written.
+/// Names the file, which cannot be read or written.
 pub fn append<T: Serialize>(path: &Path, line: &T) -> io::Result<()> {
-    let text = serde_json::to_string(line)? + "\n";
-    let file = OpenOptions::new().create(true).append(true).open(path);
-    let write =
-        |mut file: fs::File| file.write_all(text.as_bytes()).and_then(|()| file.sync_data());
-    file.and_then(write).map_err(|error| named("write", path, &error))
+    let old = text(path)?;
+    let old = whole(&old);
+    let between = if old.is_empty() || old.ends_with('\n') { "" } else { "\n" };
+    let new = format!("{between}{}\n", serde_json::to_string(line)?);
+    let write = || {
+        let mut file = OpenOptions::new().create(true).append(true).open(path)?;
+        file.set_len(old.len() as u64)?;
+        file.write_all(new.as_bytes())?;
+        file.sync_data()
+    };
+    write().map_err(|error| named("write", path, &error))
+}
+
+fn text(path: &Path) -> io::Result<String> {
+    match fs::read_to_string(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(String::new()),
+        text => text.map_err(|error| named("read", path, &error)),
+    }
+}
+
+/// The text without the end of a line whose writing was cut off: it ends no line and is no JSON.
+fn whole(text: &str) -> &str {
+    let last = text.rfind('\n').map_or(0, |end| end + 1);
+    match serde_json::from_str::<Value>(&text[last..]) {
+        Ok(_) => text,
+        Err(_) => &text[..last],
+    }
 }
 
 fn named(what: &str, path: &Path, error: &io::Error) -> io::Error {
@@ -87,6 +107,19 @@ mod tests {
         assert_eq!(lines::<Vec<u32>>(&path).unwrap(), [vec![1, 2], vec![3]]);
         fs::write(&path, "[1]\n{}\n").unwrap();
         assert!(format!("{:#}", lines::<Vec<u32>>(&path).unwrap_err()).contains("line 2"));
+        fs::remove_file(&path).unwrap();
+    }
+
+    #[test]
+    fn a_line_whose_writing_was_cut_off_is_left_out_and_replaced_by_the_next() {
+        let path = std::env::temp_dir().join(format!("cut-off-{}", std::process::id()));
+        for (text, whole) in [("[1]\n[2, ", vec![1]), ("[1]\n[2]", vec![1, 2]), ("[1", vec![])] {
+            fs::write(&path, text).unwrap();
+            let expected: Vec<[u32; 1]> = whole.iter().map(|&number| [number]).collect();
+            assert_eq!(lines::<[u32; 1]>(&path).unwrap(), expected, "{text}");
+            append(&path, &[3]).unwrap();
+            assert_eq!(lines::<[u32; 1]>(&path).unwrap(), [&expected[..], &[[3]]].concat());
+        }
         fs::remove_file(&path).unwrap();
     }
 
