@@ -3,24 +3,31 @@
 //! The plan is `benches/plans/proof.toml`. A line of its record has the error of every held-out
 //! pair, and the tables of `benches/record/proof.md` are written from the lines alone.
 
+mod interactions;
+mod picture;
 mod record;
 mod table;
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::sync::LazyLock;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 use echoloop_campaign::{Cell, Line, Plan, Unfinished};
 
 use crate::program::{self, Job, priced, recorded, write_parameters};
 use crate::record::write_page;
 use crate::shell::{built, workspace};
+use interactions::TAKEN_BACK;
 use record::Run;
 
 static PROOF: LazyLock<Plan> =
     LazyLock::new(|| Plan::read(include_str!("../../benches/plans/proof.toml")));
 
 const PAGE: &str = "benches/record/proof.md";
+const FIGURES: &str = "docs/figures";
+/// Condition whose pictures are drawn.
+const SHOWN: &str = "dim";
 
 /// Cells to run.
 #[derive(Clone, Debug, clap::Args)]
@@ -34,13 +41,14 @@ pub(crate) struct Proof {
     /// Only these kinds of scene.
     #[arg(long, value_delimiter = ',', value_parser = PROOF.choices("scene"))]
     scene: Vec<String>,
-    /// Only these conditions. Of `whole`, which leaves little to gain, both together alone are run
-    /// unless rows are given, and GICP is not unless methods are.
+    /// Only these conditions. Unless rows or methods are given, random points and the ideal detector
+    /// are run for ICP and FGR alone; and of `whole`, which leaves little to gain, both together
+    /// alone, for three seeds, without GICP.
     #[arg(long, value_delimiter = ',', default_value = "dim,whole",
           value_parser = PROOF.choices("condition"))]
     condition: Vec<String>,
     /// Only these seeds; the towns of a seed are its own.
-    #[arg(long, value_delimiter = ',', default_value = "621,622,623,624,625",
+    #[arg(long, value_delimiter = ',', default_value = "622,623,624,625,626",
           value_parser = clap::value_parser!(u64).range(1..))]
     seed: Vec<u64>,
     /// Run nothing: say how many cells are left, and what they will take.
@@ -59,16 +67,47 @@ pub(crate) struct Proof {
 /// of finished runs are kept.
 pub(crate) fn run(args: &Proof) -> Result<()> {
     let cells = args.cells();
+    let apart = interactions::cells(&cells);
     if args.price {
-        println!("{}", price_of(&cells, &recorded(&PROOF)?));
+        let lines = recorded(&PROOF)?;
+        println!("searches: {}", price_of(&cells, &lines, &lines));
+        println!("taken back: {}", price_of(&apart, &recorded(&TAKEN_BACK)?, &lines));
         return Ok(());
     }
     let ended = match args.page {
         true => Ok(()),
-        false => program::run(&PROOF, &cells, job, |c, lines| Some(seconds(c, lines)), Run::new),
+        false => run_all(&cells, &apart),
     };
-    write_page(PAGE, "cargo xtask proof", &table::tables(&recorded(&PROOF)?))?;
+    write_page(PAGE, "cargo xtask proof", &page(&recorded(&PROOF)?, &recorded(&TAKEN_BACK)?))?;
+    for (name, svg) in pictures()? {
+        let path = workspace()?.join(FIGURES).join(name);
+        fs::write(&path, svg).with_context(|| format!("cannot write {}", path.display()))?;
+    }
     ended
+}
+
+/// Runs the searches, then takes what they chose apart, as far as they got.
+fn run_all(cells: &[Cell], apart: &[Cell]) -> Result<()> {
+    let searched = program::run(&PROOF, cells, job, |c, lines| Some(seconds(c, lines)), Run::new);
+    let lines = recorded(&PROOF)?;
+    let is_chosen = |cell: &&Cell| line_of(&interactions::chosen(cell), &lines).is_ok();
+    let apart: Vec<Cell> = apart.iter().filter(is_chosen).cloned().collect();
+    let job = |cell: &Cell, _: &[Line<Run>]| {
+        judged(cell, &interactions::parameters(cell, &lines)?).map(Some)
+    };
+    let taken = program::run(&TAKEN_BACK, &apart, job, |c, _| Some(seconds(c, &lines)), Run::new);
+    match (searched, taken) {
+        (Err(searched), Err(taken)) => Err(anyhow!("{searched:#}\n{taken:#}")),
+        (searched, taken) => searched.and(taken),
+    }
+}
+
+fn page(lines: &[Line<Run>], taken_back: &[Line<Run>]) -> String {
+    table::tables(lines) + &interactions::tables(lines, taken_back)
+}
+
+fn pictures() -> Result<[picture::Picture; 3]> {
+    picture::pictures(&table::of_condition(&recorded(&PROOF)?, SHOWN))
 }
 
 impl Proof {
@@ -83,28 +122,40 @@ impl Proof {
             ("seed", &seeds),
             ("hand", &any),
         ]);
-        let is_asked = |cell: &Cell| {
-            let is_row = !self.tuned.is_empty() || ["nothing", "joint"].contains(&cell.of("tuned"));
-            let is_method = !self.method.is_empty() || cell.of("method") != "gicp";
-            cell.of("condition") != "whole" || (is_row && is_method)
+        let is_left_out = |cell: &Cell| {
+            let [condition, tuned, method] = ["condition", "tuned", "method"].map(|a| cell.of(a));
+            let seed = cell.of("seed").to_owned();
+            let is_of_whole = ["nothing", "joint"].contains(&tuned) && method != "gicp";
+            let is_default = self.tuned.is_empty() && self.method.is_empty();
+            is_default
+                && match condition {
+                    "whole" => !(is_of_whole && seeds[..3.min(seeds.len())].contains(&seed)),
+                    _ => ["random", "ideal"].contains(&tuned) && !["icp", "fgr"].contains(&method),
+                }
         };
         // No axis of cells: it has the settings of rows of a sensor set by hand.
-        let cells = cells.into_iter().map(|cell| cell.without("hand"));
-        cells.filter(is_asked).collect()
+        let mut cells: Vec<Cell> = cells.into_iter().map(|cell| cell.without("hand")).collect();
+        cells.retain(|cell| !is_left_out(cell));
+        // One condition after the other: what is to be shown comes first.
+        cells.sort_by_key(|cell| self.condition.iter().position(|c| c == cell.of("condition")));
+        cells
     }
 }
 
-/// Cells left, and the processor time they will take.
-fn price_of(cells: &[Cell], lines: &[Line<Run>]) -> String {
-    let is_done = |cell: &Cell| Some(lines.iter().any(|line| line.cell == *cell));
+/// Cells left of those done, and the processor time they will take by the searches' lines.
+fn price_of(cells: &[Cell], done: &[Line<Run>], lines: &[Line<Run>]) -> String {
+    let is_done = |cell: &Cell| Some(done.iter().any(|line| line.cell == *cell));
     let left = Unfinished::of(cells, is_done);
     let price = priced(&left.cells, |cell| Some(seconds(cell, lines)));
     format!("{} of {} cells are done{price}", left.done, cells.len())
 }
 
 /// Processor time of a cell, s: that of the lines of its row, method and condition; without any,
-/// what the plan says, by what the lines took of what it said.
+/// what the plan says, by what the lines took of what it said. A choice taken apart is judged as
+/// halves put together are.
 fn seconds(cell: &Cell, lines: &[Line<Run>]) -> f64 {
+    let cell =
+        &if interactions::is_one(cell) { cell.with("tuned", "combined") } else { cell.clone() };
     let alike: [&[&str]; 2] =
         [&["tuned", "method", "condition", "scene"], &["tuned", "method", "condition"]];
     let of_alike = alike.iter().find_map(|axes| {
@@ -127,9 +178,11 @@ fn job(cell: &Cell, lines: &[Line<Run>]) -> Result<Option<Job>> {
     Ok(match cell.of("tuned") {
         "nothing" => evaluate(Vec::new()),
         "combined" => candidate(cell, lines, ["lidar", "registration"])?,
+        "combined-half" => candidate(cell, lines, ["lidar-half", "registration-half"])?,
         "combined-hand" => candidate(cell, lines, ["lidar", "hand"])?,
         "ideal" => candidate(cell, lines, ["hand"; 2])?,
-        "registration" => tune(Vec::new()),
+        "registration" | "registration-half" => tune(Vec::new()),
+        "sequence" => tune(sensor_of(&cell.with("tuned", "lidar-half"), lines)?),
         "hand" => tune(set_by_hand(cell).iter().map(|own| format!("--set={own}")).collect()),
         // What searches the sensor knows the one set by hand.
         _ => tune(warm_start(&set_by_hand(cell)).into_iter().collect()),
@@ -141,6 +194,16 @@ fn set_by_hand(cell: &Cell) -> Vec<String> {
     let mut settings = PROOF.settings(&Cell::default().with("hand", cell.of("condition")));
     settings.retain(|setting| setting.starts_with("lidar."));
     settings
+}
+
+/// Flags that set the sensor to what a cell's search chose, where that differs from the start: no
+/// choice among names is searched, so these are numbers.
+fn sensor_of(cell: &Cell, lines: &[Line<Run>]) -> Result<Vec<String>> {
+    let start = &line_of(&cell.with("tuned", "nothing"), lines)?.result.parameters;
+    let own = line_of(cell, lines)?.result.parameters.iter();
+    let own =
+        own.filter(|(name, value)| name.starts_with("lidar.") && start.get(*name) != Some(*value));
+    Ok(own.map(|(name, value)| format!("--set={name}={value}")).collect())
 }
 
 /// Flag by which a search may begin at these settings.
@@ -155,11 +218,16 @@ fn warm_start(settings: &[String]) -> Option<String> {
 
 /// Run that judges the sensor of one row with the registration of another.
 fn candidate(cell: &Cell, lines: &[Line<Run>], rows: [&str; 2]) -> Result<Option<Job>> {
+    judged(cell, &combined(cell, lines, rows)?).map(Some)
+}
+
+/// Run that judges these parameters.
+fn judged(cell: &Cell, parameters: &BTreeMap<String, f64>) -> Result<Job> {
     let name = format!("proof/{}.json", cell.to_string().replace(' ', "-"));
     let path = built(&workspace()?).join(name);
-    write_parameters(&path, &combined(cell, lines, rows)?)?;
+    write_parameters(&path, parameters)?;
     let arguments = vec![format!("--candidate={}", path.display()), "--pairs=test".into()];
-    Ok(Some(Job { command: "evaluate".into(), arguments }))
+    Ok(Job { command: "evaluate".into(), arguments })
 }
 
 /// The sensor of one row and the registration of another, of the same place and seed.
@@ -170,13 +238,17 @@ fn combined(
 ) -> Result<BTreeMap<String, f64>> {
     let mut all = BTreeMap::new();
     for (row, section) in [(sensor, "lidar."), (registration, "registration.")] {
-        let of_row = cell.with("tuned", row);
-        let line = lines.iter().find(|line| line.cell == of_row);
-        let line = line.with_context(|| format!("no line of {of_row}, which comes first"))?;
+        let line = line_of(&cell.with("tuned", row), lines)?;
         let own = line.result.parameters.iter().filter(|(name, _)| name.starts_with(section));
         all.extend(own.map(|(name, &value)| (name.clone(), value)));
     }
     Ok(all)
+}
+
+/// Line of a cell.
+fn line_of<'a>(cell: &Cell, lines: &'a [Line<Run>]) -> Result<&'a Line<Run>> {
+    let line = lines.iter().find(|line| line.cell == *cell);
+    line.with_context(|| format!("no line of {cell}, which comes first"))
 }
 
 #[cfg(test)]
@@ -202,19 +274,39 @@ mod tests {
     }
 
     #[test]
-    fn all_of_it_is_every_row_in_the_dim_and_two_with_the_whole_budget_a_seed_after_the_other() {
+    fn all_of_it_is_every_row_in_the_dim_then_two_with_the_whole_budget_a_seed_after_the_other() {
         let all = cells(&[]);
-        assert_eq!(all.len(), (9 * 4 + 2 * 3) * 3 * 5);
-        assert!(all.is_sorted_by_key(|cell| cell.of("seed")));
-        let whole = all.iter().filter(|cell| cell.of("condition") == "whole");
-        assert!(whole.into_iter().all(|cell| ["nothing", "joint"].contains(&cell.of("tuned"))));
-        assert_eq!(cells(&["--condition=whole", "--tuned=hand", "--seed=621"]).len(), 3 * 3);
-        assert_eq!(cells(&["--condition=whole", "--method=gicp", "--seed=621"]).len(), 2 * 3);
+        let is_of = |condition: &'static str| move |cell: &&Cell| cell.of("condition") == condition;
+        let dim: Vec<&Cell> = all.iter().filter(is_of("dim")).collect();
+        let whole: Vec<&Cell> = all.iter().filter(is_of("whole")).collect();
+        assert_eq!([dim.len(), whole.len()], [(13 * 4 - 2 * 2) * 3 * 5, 2 * 3 * 3 * 3]);
+        assert!(all[..dim.len()].iter().eq(dim.iter().copied()));
+        assert!(dim.is_sorted_by_key(|cell| cell.of("seed")));
+        assert!(whole.iter().all(|cell| ["nothing", "joint"].contains(&cell.of("tuned"))));
+        assert_eq!(cells(&["--condition=whole", "--tuned=hand", "--seed=621"]).len(), 4 * 3);
+        assert_eq!(cells(&["--condition=whole", "--method=gicp", "--seed=621"]).len(), 13 * 3);
         // What is put together comes after what it is made of.
         let place = |tuned: &str| all.iter().position(|cell| cell.of("tuned") == tuned).unwrap();
         assert!(place("combined") > place("lidar").max(place("registration")));
+        assert!(place("combined-half") > place("lidar-half").max(place("registration-half")));
         assert!(place("combined-hand") > place("lidar").max(place("hand")));
         assert!(place("ideal") > place("hand"));
+        assert!(place("sequence") > place("lidar-half"));
+    }
+
+    #[test]
+    fn registration_after_the_sensor_begins_at_what_the_sensor_s_search_changed() {
+        let cell = &cells(&["--tuned=sequence"])[0];
+        let with = |power: f64, denoise: f64| {
+            [("lidar.power", power), ("lidar.denoise", denoise), ("registration.b", power)]
+        };
+        let lines = [
+            line(&cell.with("tuned", "nothing"), 1.0, &with(1.0, 2.0)),
+            line(&cell.with("tuned", "lidar-half"), 1.0, &with(0.25, 2.0)),
+        ];
+        let flags = |lines: &[Line<Run>]| job(cell, lines).map(|job| job.unwrap().arguments);
+        assert_eq!(flags(&lines).unwrap(), ["--set=lidar.power=0.25"]);
+        assert!(flags(&lines[..1]).unwrap_err().to_string().contains("lidar-half"));
     }
 
     #[test]
@@ -224,7 +316,7 @@ mod tests {
             job(&cell[0], &[]).unwrap().unwrap().arguments
         };
         let quarter = "--set=tune.warm_starts=[{\"lidar.rows\"=16,\"lidar.elevation_span\"=30}]";
-        for tuned in ["lidar", "random", "joint"] {
+        for tuned in ["lidar", "lidar-half", "random", "joint"] {
             assert_eq!(of(tuned, "quarter"), [quarter]);
             assert!(of(tuned, "whole").is_empty());
         }
@@ -274,7 +366,7 @@ mod tests {
             "2 of 6 cells are done; 4 left, about {:.1} hours of a processor",
             left / 3600.0
         );
-        assert_eq!(price_of(&cells, &lines), expected);
+        assert_eq!(price_of(&cells, &lines, &lines), expected);
     }
 
     #[test]

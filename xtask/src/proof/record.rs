@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use anyhow::{Result, anyhow};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::record::Printed;
 use crate::study::record::Judged;
@@ -16,6 +17,10 @@ pub(super) struct Run {
     pub(super) registrations: u64,
     /// Origin of the parameters chosen; empty where nothing was searched.
     pub(super) origin: String,
+    /// How the choice did on the pairs that no search saw: what `echoloop tune --json` calls its
+    /// check; null without one.
+    #[serde(default)]
+    pub(super) check: Value,
     /// Processor time, s.
     pub(super) cpu_s: f64,
     /// The parameters, by name.
@@ -33,12 +38,12 @@ impl Run {
         let [parameters, summary] =
             if is_search { ["tuned", "tuned_summary"] } else { ["parameters", "summary"] };
         let numbers = json[parameters].as_object().ok_or_else(|| missing(parameters))?;
-        let number =
-            |(name, value): (&String, &serde_json::Value)| Some((name.clone(), value.as_f64()?));
+        let number = |(name, value): (&String, &Value)| Some((name.clone(), value.as_f64()?));
         let tuned = Judged::new(&json[summary]).ok_or_else(|| missing(summary))?;
         Ok(Self {
             registrations: json["registrations"].as_u64().unwrap_or_default(),
             origin: json["origin"].as_str().unwrap_or_default().to_owned(),
+            check: json["check"].clone(),
             cpu_s,
             parameters: numbers.iter().filter_map(number).collect(),
             tuned,
@@ -60,6 +65,7 @@ pub(super) fn fixture(error: u32, worst_cm: u32) -> Run {
     Run {
         registrations: 900,
         origin: "start".into(),
+        check: Value::Null,
         cpu_s: 1.0,
         parameters: BTreeMap::new(),
         tuned,

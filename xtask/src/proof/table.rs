@@ -12,8 +12,17 @@ use crate::study::table::{as_ratio, ratio};
 /// Row whose gain is to be proved.
 const BOTH: &str = "joint";
 /// Rows that both together have to be shown better than.
-const CONTROLS: [&str; 7] =
-    ["nothing", "lidar", "registration", "combined", "hand", "combined-hand", "random"];
+const CONTROLS: [&str; 9] = [
+    "nothing",
+    "lidar",
+    "registration",
+    "combined-half",
+    "sequence",
+    "combined",
+    "hand",
+    "combined-hand",
+    "random",
+];
 
 const HEAD: &str = "\
 | scene | tuned | runs | searched | CPU s | recall | mean error | worst | both together to this |
@@ -24,8 +33,7 @@ const HEAD: &str = "\
 pub(super) fn tables(lines: &[Line<Run>]) -> String {
     let mut text = String::new();
     for condition in PROOF.values("condition") {
-        let of_condition: Vec<&Line<Run>> =
-            lines.iter().filter(|line| line.cell.of("condition") == condition.name).collect();
+        let of_condition = of_condition(lines, &condition.name);
         if of_condition.is_empty() {
             continue;
         }
@@ -34,11 +42,7 @@ pub(super) fn tables(lines: &[Line<Run>]) -> String {
         for method in PROOF.values("method") {
             let mut rows = String::new();
             for scene in PROOF.names("scene") {
-                let is_it = |line: &&&Line<Run>| {
-                    [line.cell.of("method"), line.cell.of("scene")] == [&*method.name, scene]
-                };
-                let of_scene: Vec<&Line<Run>> =
-                    of_condition.iter().filter(is_it).copied().collect();
+                let of_scene = of_place(&of_condition, &method.name, scene);
                 for (count, control) in shown.iter_mut().zip(CONTROLS) {
                     if let Some(estimate) = to(&of_scene, control) {
                         count[0] += usize::from(estimate.interval[1] < 0.0);
@@ -103,7 +107,7 @@ fn row(text: &mut String, scene: &str, tuned: &Choice, lines: &[&Line<Run>]) {
 }
 
 /// Ratio of both together to a row, of the seeds that have both, as its logarithm.
-fn to(lines: &[&Line<Run>], tuned: &str) -> Option<Estimate> {
+pub(super) fn to(lines: &[&Line<Run>], tuned: &str) -> Option<Estimate> {
     if tuned == BOTH {
         return None;
     }
@@ -114,8 +118,28 @@ fn to(lines: &[&Line<Run>], tuned: &str) -> Option<Estimate> {
     ratio(&pairs.collect::<Vec<_>>())
 }
 
-fn of<'a>(lines: &'a [&Line<Run>], tuned: &'a str) -> impl Iterator<Item = &'a Line<Run>> {
+/// Lines of a condition.
+pub(super) fn of_condition<'a>(lines: &'a [Line<Run>], condition: &str) -> Vec<&'a Line<Run>> {
+    lines.iter().filter(|line| line.cell.of("condition") == condition).collect()
+}
+
+/// Lines of a row.
+pub(super) fn of<'a>(
+    lines: &'a [&Line<Run>],
+    tuned: &'a str,
+) -> impl Iterator<Item = &'a Line<Run>> {
     lines.iter().filter(move |line| line.cell.of("tuned") == tuned).copied()
+}
+
+/// Lines of a method in a kind of scene.
+pub(super) fn of_place<'a>(
+    lines: &[&'a Line<Run>],
+    method: &str,
+    scene: &str,
+) -> Vec<&'a Line<Run>> {
+    let is_it =
+        |line: &&&Line<Run>| [line.cell.of("method"), line.cell.of("scene")] == [method, scene];
+    lines.iter().filter(is_it).copied().collect()
 }
 
 #[cfg(test)]
@@ -135,7 +159,7 @@ mod tests {
             line("registration", "1", 800),
             line("registration", "2", 2000),
             line("lidar", "1", 400),
-            line("combined", "1", 100),
+            line("combined-half", "1", 100),
             line("joint", "1", 400),
             line("joint", "2", 1000),
         ];

@@ -124,13 +124,15 @@ fn against<'a>(
 /// Mean difference of ln error between two that were judged on the same pairs, of several runs;
 /// each run is a group.
 pub(crate) fn ratio(runs: &[(&Judged, &Judged)]) -> Option<Estimate> {
+    mean(&runs.iter().map(|(own, other)| differences(own, other)).collect::<Vec<_>>())
+}
+
+/// Difference of ln error of each pair that two were judged on.
+pub(crate) fn differences(own: &Judged, other: &Judged) -> Vec<f64> {
     /// Errors below a tenth of a millimetre count as this.
     const LEAST: f64 = 1e-4;
-    let differences = |(own, other): &(&Judged, &Judged)| {
-        let pairs = own.losses().into_iter().zip(other.losses());
-        pairs.map(|(a, b)| (a.max(LEAST) / b.max(LEAST)).ln()).collect::<Vec<f64>>()
-    };
-    mean(&runs.iter().map(differences).collect::<Vec<_>>())
+    let pairs = own.losses().into_iter().zip(other.losses());
+    pairs.map(|(own, other)| (own.max(LEAST) / other.max(LEAST)).ln()).collect()
 }
 
 /// A difference of logarithms as a ratio, bold where it is significant.
