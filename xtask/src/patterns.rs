@@ -8,11 +8,12 @@ use std::sync::LazyLock;
 
 use anyhow::{Context, Result, anyhow};
 use echoloop_campaign::{Cell, Plan};
+use echoloop_statistics::mean_of_groups;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::program::{self, Job, recorded};
-use crate::record::{mean, with_commas, write_page};
+use crate::record::{with_commas, write_page};
 
 static PATTERNS: LazyLock<Plan> =
     LazyLock::new(|| Plan::read(include_str!("../../benches/plans/patterns.toml")));
@@ -111,7 +112,7 @@ impl Run {
     /// Mean error over the pairs found, and their number where some are not.
     fn as_text(&self) -> String {
         let errors_cm = self.errors_mm.iter().map(|mm| mm / 10.0).collect();
-        let Some(cm) = mean(&[errors_cm]) else { return format!("0 of {}", self.pairs) };
+        let Some(cm) = mean_of_groups(&[errors_cm]) else { return format!("0 of {}", self.pairs) };
         let found = match self.errors_mm.len() {
             all if all == self.pairs => String::new(),
             some => format!("{some} of {}, ", self.pairs),

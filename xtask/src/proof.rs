@@ -41,9 +41,9 @@ pub(crate) struct Proof {
     /// Only these kinds of scene.
     #[arg(long, value_delimiter = ',', value_parser = PROOF.choices("scene"))]
     scene: Vec<String>,
-    /// Only these conditions. Unless rows or methods are given, random points and the ideal detector
-    /// are run for ICP and FGR alone; and of `whole`, which leaves little to gain, both together
-    /// alone, for three seeds, without GICP.
+    /// Only these conditions. Unless rows or methods are given, random points and the ideal
+    /// detector are run for ICP and FGR alone; and of `whole`, which leaves little to gain, both
+    /// together alone, for three seeds, without GICP.
     #[arg(long, value_delimiter = ',', default_value = "dim,whole",
           value_parser = PROOF.choices("condition"))]
     condition: Vec<String>,

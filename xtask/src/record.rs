@@ -5,9 +5,6 @@ use std::io::Read;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
-use echoloop_statistics::{Estimate, mean_of_groups};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 use wait4::Wait4;
 
@@ -73,12 +70,6 @@ pub(crate) fn with_commas(number: f64, decimals: usize) -> String {
         text.push(digit);
     }
     text + fraction
-}
-
-/// Mean over runs, each a group of pairs, with its interval. Seeded: the same on every machine.
-pub(crate) fn mean(groups: &[Vec<f64>]) -> Option<Estimate> {
-    let mut random = ChaCha8Rng::seed_from_u64(1);
-    mean_of_groups(groups, &mut |count| random.random_range(0..count))
 }
 
 /// To three significant digits: records are read by people too.

@@ -1,5 +1,7 @@
 //! Mean of values that come in groups, as the pairs of several runs.
 
+use echoloop_random::Generator;
+
 use crate::{Estimate, mean, quantile, standard_error};
 
 /// Resamples.
@@ -14,22 +16,18 @@ const STUDENT: [f64; 8] = [4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.26
 /// Groups are runs, so the interval has in it what one run differs by from another. Resamples of n
 /// runs vary by (n − 1)/n of what the runs do, so with three groups or more the interval is at
 /// least as wide as Student's over their means. With two it is the bootstrap's alone.
-///
-/// `index` draws the resamples: an index below its argument, each equally likely.
-pub fn mean_of_groups(
-    groups: &[Vec<f64>],
-    index: &mut dyn FnMut(usize) -> usize,
-) -> Option<Estimate> {
+pub fn mean_of_groups(groups: &[Vec<f64>]) -> Option<Estimate> {
     if groups.is_empty() || groups.iter().any(Vec::is_empty) {
         return None;
     }
     let own: Vec<f64> = groups.iter().map(|group| mean(group)).collect();
     let value = mean(&own);
+    let mut random = Generator::new(1, 0);
     let mut means: Vec<f64> = (0..DRAWS)
         .map(|_| {
             let drawn = groups.iter().map(|_| {
-                let group = &groups[index(groups.len())];
-                let sum: f64 = group.iter().map(|_| group[index(group.len())]).sum();
+                let group = &groups[random.index(groups.len())];
+                let sum: f64 = group.iter().map(|_| group[random.index(group.len())]).sum();
                 sum / group.len() as f64
             });
             mean(&drawn.collect::<Vec<_>>())
@@ -50,19 +48,12 @@ fn student(values: &[f64]) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use echoloop_random::Generator;
-
     use super::*;
-
-    fn of(groups: &[Vec<f64>]) -> Option<Estimate> {
-        let mut random = Generator::new(1, 0);
-        mean_of_groups(groups, &mut |count| random.index(count))
-    }
 
     #[test]
     fn the_interval_of_one_run_is_that_of_its_mean() {
         // 0, 1, …, 99: mean 49.5, standard error 28.9 / 10.
-        let estimate = of(&[(0..100).map(f64::from).collect()]).unwrap();
+        let estimate = mean_of_groups(&[(0..100).map(f64::from).collect()]).unwrap();
         assert_eq!(estimate.value, 49.5);
         let [low, high] = estimate.interval;
         assert!((low - (49.5 - 1.96 * 2.887)).abs() < 0.4, "{estimate:?}");
@@ -73,18 +64,21 @@ mod tests {
     #[test]
     fn runs_that_differ_widen_it() {
         let runs: Vec<Vec<f64>> = (0..5).map(|run| vec![f64::from(run); 100]).collect();
-        let five = of(&runs).unwrap();
+        let five = mean_of_groups(&runs).unwrap();
         assert_eq!(five.value, 2.0);
         // Means 0 to 4: deviation √2.5, of their mean √0.5; Student's t of 4 degrees 2.776.
         let half = 2.776 * 0.5f64.sqrt();
         assert!((five.interval[0] - (2.0 - half)).abs() < 1e-9, "{five:?}");
         assert!((five.interval[1] - (2.0 + half)).abs() < 1e-9, "{five:?}");
         // Of two, what resampling gives.
-        assert_eq!(of(&runs[..2]).unwrap().interval, [0.0, 1.0]);
-        assert_eq!(of(&runs[..1]).unwrap(), Estimate { value: 0.0, interval: [0.0; 2] });
+        assert_eq!(mean_of_groups(&runs[..2]).unwrap().interval, [0.0, 1.0]);
+        assert_eq!(
+            mean_of_groups(&runs[..1]).unwrap(),
+            Estimate { value: 0.0, interval: [0.0; 2] }
+        );
         // Runs that agree are in no less doubt than their values.
-        let alike = of(&vec![(0..100).map(f64::from).collect(); 5]).unwrap();
+        let alike = mean_of_groups(&vec![(0..100).map(f64::from).collect(); 5]).unwrap();
         assert!(alike.interval[1] - alike.interval[0] > 4.0, "{alike:?}");
-        assert!(of(&[]).is_none() && of(&[Vec::new()]).is_none());
+        assert!(mean_of_groups(&[]).is_none() && mean_of_groups(&[Vec::new()]).is_none());
     }
 }

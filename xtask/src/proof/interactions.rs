@@ -11,12 +11,11 @@ use std::sync::LazyLock;
 
 use anyhow::Result;
 use echoloop_campaign::{Cell, Line, Plan};
-use echoloop_statistics::Estimate;
+use echoloop_statistics::{Estimate, mean_of_groups};
 
 use super::record::Run;
 use super::table::of_place;
 use super::{PROOF, SHOWN, line_of};
-use crate::record::mean;
 use crate::study::table::differences;
 
 /// The proof's plan with a record of its own.
@@ -136,7 +135,7 @@ pub(super) fn tables(proof: &[Line<Run>], lines: &[Line<Run>]) -> String {
 
 /// Δ of a group: mean over the seeds, each of which is a group of pairs.
 fn cost(proof: &[Line<Run>], lines: &[&Line<Run>], without: &str) -> Option<Estimate> {
-    mean(&costs(proof, lines, without).into_values().collect::<Vec<_>>())
+    mean_of_groups(&costs(proof, lines, without).into_values().collect::<Vec<_>>())
 }
 
 /// Interaction of two groups, of the seeds that have all three of their lines.
@@ -147,7 +146,7 @@ fn interaction(proof: &[Line<Run>], lines: &[&Line<Run>], two: [&str; 2]) -> Opt
         let each = first.get(&seed)?.iter().zip(second.get(&seed)?);
         Some(both.iter().zip(each).map(|(both, (first, second))| both - first - second).collect())
     };
-    mean(&both.into_iter().filter_map(of_seed).collect::<Vec<Vec<f64>>>())
+    mean_of_groups(&both.into_iter().filter_map(of_seed).collect::<Vec<Vec<f64>>>())
 }
 
 /// By seed, each pair's difference of the error's logarithm to what was chosen.

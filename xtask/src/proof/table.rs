@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use echoloop_campaign::{Choice, Line};
-use echoloop_statistics::Estimate;
+use echoloop_statistics::{Estimate, mean_of_groups};
 
 use super::PROOF;
 use super::record::Run;
@@ -11,18 +11,23 @@ use crate::study::table::{as_ratio, ratio};
 
 /// Row whose gain is to be proved.
 const BOTH: &str = "joint";
-/// Rows that both together have to be shown better than.
-const CONTROLS: [&str; 9] = [
+/// Rows that both together are counted against.
+const CONTROLS: [&str; 10] = [
     "nothing",
     "lidar",
     "registration",
     "combined-half",
+    "hand",
     "sequence",
     "combined",
-    "hand",
     "combined-hand",
+    "ideal",
     "random",
 ];
+/// Those of the controls that all have to be beaten.
+const REQUIRED: [&str; 4] = ["lidar", "registration", "combined-half", "hand"];
+/// Runs from which an interval says something of other seeds.
+const LEAST_RUNS: usize = 3;
 
 const HEAD: &str = "\
 | scene | tuned | runs | searched | CPU s | recall | mean error | worst | both together to this |
@@ -37,43 +42,88 @@ pub(super) fn tables(lines: &[Line<Run>]) -> String {
         if of_condition.is_empty() {
             continue;
         }
-        let mut tables = String::new();
-        let mut shown = [[0; 2]; CONTROLS.len()];
+        let _ = write!(text, "\n### {}\n{}", condition.name, summary(&of_condition));
         for method in PROOF.values("method") {
             let mut rows = String::new();
             for scene in PROOF.names("scene") {
                 let of_scene = of_place(&of_condition, &method.name, scene);
-                for (count, control) in shown.iter_mut().zip(CONTROLS) {
-                    if let Some(estimate) = to(&of_scene, control) {
-                        count[0] += usize::from(estimate.interval[1] < 0.0);
-                        count[1] += 1;
-                    }
-                }
                 for tuned in PROOF.values("tuned") {
                     row(&mut rows, scene, tuned, &of_scene);
                 }
             }
             if !rows.is_empty() {
                 let _ =
-                    write!(tables, "\n#### {}, {}\n\n{HEAD}{rows}", method.title(), condition.name);
+                    write!(text, "\n#### {}, {}\n\n{HEAD}{rows}", method.title(), condition.name);
             }
         }
-        let title = |name: &str| {
-            let value = PROOF.values("tuned").iter().find(|value| value.name == name);
-            value.map_or("", Choice::title)
-        };
-        let each = CONTROLS.iter().zip(shown).filter(|(_, [_, of])| *of > 0);
-        let each: Vec<String> = each
-            .map(|(control, [better, of])| format!("{} in {better} of {of}", title(control)))
-            .collect();
-        let _ = write!(text, "\n### {}\n", condition.name);
-        if !each.is_empty() {
-            let _ =
-                write!(text, "\nBoth together are shown to err less than: {}.\n", each.join("; "));
-        }
-        text += &tables;
     }
     text + "\n"
+}
+
+/// In how many places, each a method in a kind of scene, both together differ from each control.
+fn summary(lines: &[&Line<Run>]) -> String {
+    let methods = PROOF.names("method");
+    let places = methods.flat_map(|method| PROOF.names("scene").map(move |scene| (method, scene)));
+    let places = places.map(|(method, scene)| of_place(lines, method, scene));
+    let places: Vec<_> = places.filter(|place| of(place, BOTH).count() >= LEAST_RUNS).collect();
+    if places.is_empty() {
+        return String::new();
+    }
+    let mut text = "\n| both together to | places | less error | more error | larger plain mean \
+                    | fewer pairs found |\n|---|---|---|---|---|---|\n"
+        .to_owned();
+    for control in CONTROLS {
+        let all: Vec<Compared> =
+            places.iter().filter_map(|place| compared(place, control)).collect();
+        let count = |is_it: fn(&Compared) -> bool| all.iter().filter(|one| is_it(one)).count();
+        if !all.is_empty() {
+            let _ = writeln!(
+                text,
+                "| {} | {} | {} | {} | {} | {} |",
+                title(control),
+                all.len(),
+                count(|one| one.ratio.interval[1] < 0.0),
+                count(|one| one.ratio.interval[0] > 0.0),
+                count(|one| one.plain.interval[0] > 0.0),
+                count(|one| one.found.interval[1] < 0.0),
+            );
+        }
+    }
+    let is_shown = |place: &&Vec<&Line<Run>>| {
+        let less =
+            |control: &str| compared(place, control).is_some_and(|one| one.ratio.interval[1] < 0.0);
+        REQUIRED.into_iter().all(less)
+    };
+    let names = REQUIRED.map(title).join("; ");
+    let shown = places.iter().filter(is_shown).count();
+    let [own, of_hand] = sensors(lines);
+    let runs = of(lines, BOTH).count();
+    let _ = writeln!(
+        text,
+        "\nLess error than each of these is shown in {shown} of {} places: {names}. Of {runs} runs \
+         of both together {own} end at a sensor of their own, {of_hand} at the one set by hand.",
+        places.len()
+    );
+    text
+}
+
+/// Runs of both together that end at a sensor of their own, and at the one set by hand.
+fn sensors(lines: &[&Line<Run>]) -> [usize; 2] {
+    let sensor = |line: &Line<Run>| {
+        let own = line.result.parameters.clone().into_iter();
+        own.filter(|(name, _)| name.starts_with("lidar.")).collect::<Vec<_>>()
+    };
+    let is_that_of = |line: &Line<Run>, row| {
+        let cell = line.cell.with("tuned", row);
+        of(lines, row).any(|other| other.cell == cell && sensor(other) == sensor(line))
+    };
+    let both = || of(lines, BOTH);
+    let own = both().filter(|line| !["nothing", "hand"].iter().any(|row| is_that_of(line, row)));
+    [own.count(), both().filter(|line| is_that_of(line, "hand")).count()]
+}
+
+fn title(row: &str) -> &str {
+    PROOF.values("tuned").iter().find(|value| value.name == row).map_or(row, Choice::title)
 }
 
 fn row(text: &mut String, scene: &str, tuned: &Choice, lines: &[&Line<Run>]) {
@@ -108,14 +158,46 @@ fn row(text: &mut String, scene: &str, tuned: &Choice, lines: &[&Line<Run>]) {
 
 /// Ratio of both together to a row, of the seeds that have both, as its logarithm.
 pub(super) fn to(lines: &[&Line<Run>], tuned: &str) -> Option<Estimate> {
-    if tuned == BOTH {
+    let pairs: Vec<_> = beside(lines, tuned).collect();
+    ratio(&pairs.iter().map(|(own, other)| (&own.tuned, &other.tuned)).collect::<Vec<_>>())
+}
+
+/// Both together less a row.
+struct Compared {
+    /// Logarithm of the error, in the mean.
+    ratio: Estimate,
+    /// Error ‖T − T*‖_F, in the mean.
+    plain: Estimate,
+    /// Pairs found, percent.
+    found: Estimate,
+}
+
+/// `None` where too few seeds have both.
+fn compared(lines: &[&Line<Run>], tuned: &str) -> Option<Compared> {
+    let runs: Vec<_> = beside(lines, tuned).collect();
+    if runs.len() < LEAST_RUNS {
         return None;
     }
-    let pairs = of(lines, BOTH).filter_map(|line| {
-        let same = |other: &&Line<Run>| other.cell.of("seed") == line.cell.of("seed");
-        of(lines, tuned).find(same).map(|other| (&line.result.tuned, &other.result.tuned))
-    });
-    ratio(&pairs.collect::<Vec<_>>())
+    let plain = |(own, other): &(&Run, &Run)| {
+        let pairs = own.tuned.losses().into_iter().zip(other.tuned.losses());
+        pairs.map(|(own, other)| own - other).collect::<Vec<f64>>()
+    };
+    let found = |(own, other): &(&Run, &Run)| vec![own.tuned.recall_pct - other.tuned.recall_pct];
+    Some(Compared {
+        ratio: to(lines, tuned)?,
+        plain: mean_of_groups(&runs.iter().map(plain).collect::<Vec<_>>())?,
+        found: mean_of_groups(&runs.iter().map(found).collect::<Vec<_>>())?,
+    })
+}
+
+/// Both together and a row, of each seed that has both.
+fn beside<'a>(lines: &[&'a Line<Run>], tuned: &str) -> impl Iterator<Item = (&'a Run, &'a Run)> {
+    let pair = move |line: &&'a Line<Run>| {
+        let cell = line.cell.with("tuned", tuned);
+        let other = lines.iter().find(|other| other.cell == cell && tuned != BOTH)?;
+        Some((&line.result, &other.result))
+    };
+    lines.iter().filter(|line| line.cell.of("tuned") == BOTH).filter_map(pair)
 }
 
 /// Lines of a condition.
@@ -153,28 +235,61 @@ mod tests {
         Line { cell, made: "today".into(), result: fixture(error, error) }
     }
 
+    /// Both together err 400 and the sensor `lidar` with each seed; other rows always less.
+    fn lines(lidar: [u32; 3]) -> Vec<Line<Run>> {
+        let of_seed = |(seed, lidar): (&str, u32)| {
+            [
+                line("registration", seed, 800),
+                line("lidar", seed, lidar),
+                line("combined-half", seed, 600),
+                line("hand", seed, 700),
+                line("joint", seed, 400),
+            ]
+        };
+        ["1", "2", "3"].into_iter().zip(lidar).flat_map(of_seed).collect()
+    }
+
     #[test]
     fn both_together_are_compared_with_each_row_of_the_same_seeds() {
-        let lines = [
-            line("registration", "1", 800),
-            line("registration", "2", 2000),
-            line("lidar", "1", 400),
-            line("combined-half", "1", 100),
-            line("joint", "1", 400),
-            line("joint", "2", 1000),
-        ];
+        let mut lines = lines([400; 3]);
+        lines.retain(|line| line.cell.of("tuned") != "lidar" || line.cell.of("seed") != "3");
+        lines.push(line("lidar", "9", 1)); // a seed without both together
         let page = tables(&lines);
         let row = |tuned: &str| {
-            let is_it = |row: &&str| row.contains(&format!("| {tuned} |"));
+            let is_it = |row: &&str| row.contains(&format!("structured | {tuned} |"));
             page.lines().find(is_it).unwrap().to_owned()
         };
         assert!(row("registration").ends_with("| **× 0.50** (0.50 to 0.50) |"), "{page}");
-        assert!(row("registration").contains("| 2 | 900 | 1 | 99.0 % | 1.40 cm | 2000.0 cm |"));
+        assert!(row("registration").contains("| 3 | 900 | 1 | 99.0 % | 0.80 cm | 800.0 cm |"));
         assert!(row("sensor").ends_with("| × 1.00 (1.00 to 1.00) |"), "{page}");
-        assert!(row("halves combined").contains("**× 3.99**"), "{page}");
         assert!(row("both together").ends_with("| – |"), "{page}");
-        let summary = "shown to err less than: sensor in 0 of 1; registration in 1 of 1; halves \
-                       combined in 0 of 1.";
-        assert!(page.contains(summary), "{page}");
+        // Of two seeds the summary says nothing.
+        assert!(!page.contains("| sensor | 1 |"), "{page}");
+    }
+
+    #[test]
+    fn a_place_counts_where_every_required_control_is_shown_to_err_more() {
+        let page = tables(&lines([500; 3]));
+        assert!(page.contains("| sensor | 1 | 1 | 0 | 0 | 0 |"), "{page}");
+        assert!(page.contains("of these is shown in 1 of 1 places: sensor; registration; halves"));
+        let page = tables(&lines([300, 300, 900]));
+        assert!(page.contains("| sensor | 1 | 0 | 0 | 0 | 0 |"), "{page}");
+        assert!(page.contains("is shown in 0 of 1 places"), "{page}");
+        let page = tables(&lines([300; 3]));
+        assert!(page.contains("| sensor | 1 | 0 | 1 | 1 | 0 |"), "{page}");
+    }
+
+    #[test]
+    fn fewer_pairs_found_are_counted_and_whose_sensor_it_is() {
+        let mut lines = lines([500; 3]);
+        for line in &mut lines {
+            let is_both = line.cell.of("tuned") == "joint";
+            line.result.tuned.recall_pct = if is_both { 90.0 } else { 95.0 };
+            let power = if is_both && line.cell.of("seed") == "1" { 2.0 } else { 1.0 };
+            line.result.parameters.insert("lidar.power".into(), power);
+        }
+        let page = tables(&lines);
+        assert!(page.contains("| registration | 1 | 1 | 0 | 0 | 1 |"), "{page}");
+        assert!(page.contains("Of 3 runs of both together 1 end at a sensor of their own, 2 at"));
     }
 }

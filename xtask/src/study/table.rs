@@ -5,11 +5,10 @@ use std::fmt::Write;
 use std::mem::take;
 
 use echoloop_campaign::Line;
-use echoloop_statistics::Estimate;
+use echoloop_statistics::{Estimate, mean_of_groups};
 
 use super::STUDY;
 use super::record::{Judged, Run, energy};
-use crate::record::mean;
 
 /// A table for each condition and method, with the scenes' rows.
 pub(super) fn tables(lines: &[Line<Run>]) -> String {
@@ -124,7 +123,7 @@ fn against<'a>(
 /// Mean difference of ln error between two that were judged on the same pairs, of several runs;
 /// each run is a group.
 pub(crate) fn ratio(runs: &[(&Judged, &Judged)]) -> Option<Estimate> {
-    mean(&runs.iter().map(|(own, other)| differences(own, other)).collect::<Vec<_>>())
+    mean_of_groups(&runs.iter().map(|(own, other)| differences(own, other)).collect::<Vec<_>>())
 }
 
 /// Difference of ln error of each pair that two were judged on.
