@@ -200,7 +200,7 @@ impl SearchRun<'_> {
         if choice == given[0] || pairs.is_empty() || !is_checked {
             return Ok(None);
         }
-        let each = in_order(given[0], [&given[1..], simpler, &[choice]].concat());
+        let each = in_order(given, simpler, choice);
         let evaluator = Evaluator { pairs, ..self.evaluator };
         let seed = derive(search.config.seed, Purpose::Check, 0);
         let mut check = FinalSelection::new(pairs.len(), seed);
@@ -216,7 +216,7 @@ impl SearchRun<'_> {
         for (next, own) in each.iter().enumerate().skip(1) {
             against = standing;
             standing = self.select_on((&evaluator, &fitness), &mut check, standing, vec![next])?;
-            if given.contains(own) {
+            if given.contains(own) && *own != choice {
                 fitness.given = check.results(standing).to_vec();
             }
         }
@@ -301,11 +301,14 @@ impl SearchRun<'_> {
     }
 }
 
-/// The first, then the others; of one that is there twice the later place counts.
-fn in_order(first: usize, others: Vec<usize>) -> Vec<usize> {
-    let is_last = |k: &usize| !others[k + 1..].contains(&others[*k]) && others[*k] != first;
-    let kept = (0..others.len()).filter(is_last).map(|k| others[k]);
-    [first].into_iter().chain(kept).collect()
+/// What was given, then the simpler ones, then the choice, each once: of a simpler one that is there
+/// twice the later place counts.
+fn in_order(given: &[usize], simpler: &[usize], choice: usize) -> Vec<usize> {
+    let is_own =
+        |k: &usize| !given.contains(&simpler[*k]) && !simpler[k + 1..].contains(&simpler[*k]);
+    let own = (0..simpler.len()).filter(is_own).map(|k| simpler[k]);
+    let before = given.iter().copied().chain(own).filter(|&i| i != choice);
+    before.chain([choice]).collect()
 }
 
 /// Weights of pairs by rank of the start's loss on them, from 1 for the easiest to [`HARDEST`].
@@ -325,9 +328,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_start_stays_the_first_of_the_check_and_the_choice_its_last() {
-        assert_eq!(in_order(0, vec![1, 0, 2, 5, 1, 0, 7, 5]), [0, 2, 1, 7, 5]);
-        assert_eq!(in_order(3, Vec::new()), [3]);
+    fn what_was_given_comes_first_in_the_check_and_the_choice_last() {
+        assert_eq!(in_order(&[0, 1], &[2, 5, 1, 0, 7, 5, 1], 7), [0, 1, 2, 5, 7]);
+        assert_eq!(in_order(&[0, 1], &[2, 1, 3, 2], 1), [0, 3, 2, 1], "a choice that was given");
+        assert_eq!(in_order(&[3], &[], 4), [3, 4]);
     }
 
     #[test]
