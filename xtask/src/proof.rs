@@ -54,12 +54,13 @@ pub(crate) struct Proof {
     /// Run nothing: say how many cells are left, and what they will take.
     #[arg(long, conflicts_with = "page")]
     price: bool,
-    /// Run nothing: write the page from the record.
+    /// Run nothing: write the page and its pictures from the record.
     #[arg(long)]
     page: bool,
 }
 
-/// Runs the cells that the record lacks, then writes the page.
+/// Runs the cells that the record lacks, takes apart what both together chose, then writes the page
+/// and its pictures.
 ///
 /// # Errors
 ///
@@ -78,8 +79,9 @@ pub(crate) fn run(args: &Proof) -> Result<()> {
         true => Ok(()),
         false => run_all(&cells, &apart),
     };
-    write_page(PAGE, "cargo xtask proof", &page(&recorded(&PROOF)?, &recorded(&TAKEN_BACK)?))?;
-    for (name, svg) in pictures()? {
+    let lines = recorded(&PROOF)?;
+    write_page(PAGE, "cargo xtask proof", &page(&lines, &recorded(&TAKEN_BACK)?))?;
+    for (name, svg) in picture::pictures(&table::of_condition(&lines, SHOWN))? {
         let path = workspace()?.join(FIGURES).join(name);
         fs::write(&path, svg).with_context(|| format!("cannot write {}", path.display()))?;
     }
@@ -104,10 +106,6 @@ fn run_all(cells: &[Cell], apart: &[Cell]) -> Result<()> {
 
 fn page(lines: &[Line<Run>], taken_back: &[Line<Run>]) -> String {
     table::tables(lines) + &interactions::tables(lines, taken_back)
-}
-
-fn pictures() -> Result<[picture::Picture; 3]> {
-    picture::pictures(&table::of_condition(&recorded(&PROOF)?, SHOWN))
 }
 
 impl Proof {
@@ -177,12 +175,9 @@ fn job(cell: &Cell, lines: &[Line<Run>]) -> Result<Option<Job>> {
     let tune = |arguments| Some(Job { command: "tune".into(), arguments });
     Ok(match cell.of("tuned") {
         "nothing" => evaluate(Vec::new()),
-        "combined" => candidate(cell, lines, ["lidar", "registration"])?,
-        "combined-half" => candidate(cell, lines, ["lidar-half", "registration-half"])?,
-        "combined-hand" => candidate(cell, lines, ["lidar", "hand"])?,
-        "ideal" => candidate(cell, lines, ["hand"; 2])?,
+        "combined" | "combined-half" | "combined-hand" | "ideal" => candidate(cell, lines)?,
         "registration" | "registration-half" => tune(Vec::new()),
-        "sequence" => tune(sensor_of(&cell.with("tuned", "lidar-half"), lines)?),
+        "sequence" => tune(sensor_of(&cell.with("tuned", parts("sequence")[0]), lines)?),
         "hand" => tune(set_by_hand(cell).iter().map(|own| format!("--set={own}")).collect()),
         // What searches the sensor knows the one set by hand.
         _ => tune(warm_start(&set_by_hand(cell)).into_iter().collect()),
@@ -216,9 +211,23 @@ fn warm_start(settings: &[String]) -> Option<String> {
     (!table.is_empty()).then(|| format!("--set=tune.warm_starts=[{{{}}}]", table.join(",")))
 }
 
-/// Run that judges the sensor of one row with the registration of another.
-fn candidate(cell: &Cell, lines: &[Line<Run>], rows: [&str; 2]) -> Result<Option<Job>> {
-    judged(cell, &combined(cell, lines, rows)?).map(Some)
+/// Searches whose sensor and registration a row takes, and the one that it begins at.
+fn parts(tuned: &str) -> &'static [&'static str] {
+    match tuned {
+        "combined" => &["lidar", "registration"],
+        "combined-half" => &["lidar-half", "registration-half"],
+        "combined-hand" => &["lidar", "hand"],
+        "ideal" => &["hand"],
+        "sequence" => &["lidar-half"],
+        _ => &[],
+    }
+}
+
+/// Run that judges the sensor of a row's first part with the registration of its last.
+fn candidate(cell: &Cell, lines: &[Line<Run>]) -> Result<Option<Job>> {
+    let parts = parts(cell.of("tuned"));
+    let ends = parts.first().zip(parts.last()).context("a row without parts")?;
+    judged(cell, &combined(cell, lines, [ends.0, ends.1])?).map(Some)
 }
 
 /// Run that judges these parameters.
@@ -344,6 +353,31 @@ mod tests {
     }
 
     #[test]
+    fn rows_put_together_take_the_halves_that_their_names_say() {
+        let cell = cells(&["--tuned=ideal"])[0].with("seed", "999999"); // a file of its own
+        let own = |(row, value): (&str, f64)| {
+            line(&cell.with("tuned", row), 1.0, &[("lidar.a", value), ("registration.b", value)])
+        };
+        let rows = ["lidar", "registration", "lidar-half", "registration-half", "hand"];
+        let lines: Vec<Line<Run>> =
+            rows.into_iter().zip([1.0, 2.0, 3.0, 4.0, 5.0]).map(own).collect();
+        for (row, expected) in [
+            ("combined", [1.0, 2.0]),
+            ("combined-half", [3.0, 4.0]),
+            ("combined-hand", [1.0, 5.0]),
+            ("ideal", [5.0, 5.0]),
+        ] {
+            let job = job(&cell.with("tuned", row), &lines).unwrap().unwrap();
+            let path = job.arguments[0].strip_prefix("--candidate=").unwrap();
+            let text = fs::read_to_string(path).unwrap();
+            let found: serde_json::Value = serde_json::from_str(&text).unwrap();
+            let of = |name: &str| found["parameters"][name].as_f64().unwrap();
+            assert_eq!([of("lidar.a"), of("registration.b")], expected, "{row}");
+            fs::remove_file(path).unwrap();
+        }
+    }
+
+    #[test]
     fn a_cell_costs_what_the_lines_most_like_it_did() {
         let cells = cells(&["--tuned=joint", "--method=icp,mac", "--condition=dim", "--seed=621"]);
         let of = |method: &str, scene: &str| {
@@ -383,7 +417,8 @@ mod tests {
 
     #[test]
     fn every_committed_line_is_a_cell_of_its_plan() {
-        for Line { cell, .. } in recorded::<Run>(&PROOF).unwrap() {
+        let both = [&*PROOF, &*TAKEN_BACK].map(|plan| recorded::<Run>(plan).unwrap());
+        for Line { cell, .. } in both.into_iter().flatten() {
             for axis in ["tuned", "method", "scene", "condition"] {
                 assert!(PROOF.names(axis).any(|value| value == cell.of(axis)), "{cell}: {axis}");
             }

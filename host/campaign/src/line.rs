@@ -45,12 +45,13 @@ impl<'de, T: DeserializeOwned> Deserialize<'de> for Line<T> {
 ///
 /// Names the file, and the line that cannot be read.
 pub fn lines<T: DeserializeOwned>(path: &Path) -> io::Result<Vec<T>> {
-    let text = text(path)?;
-    let read = |(i, line): (usize, &str)| {
+    let all = bytes(path)?;
+    let read = |(i, line): (usize, &[u8])| {
         let wrong = |error| format!("{}: line {}: {error}", path.display(), i + 1);
-        serde_json::from_str(line).map_err(|error| io::Error::other(wrong(error)))
+        serde_json::from_slice(line).map_err(|error| io::Error::other(wrong(error)))
     };
-    whole(&text).lines().enumerate().map(read).collect()
+    let lines = whole(&all).split_inclusive(|&byte| byte == b'\n');
+    lines.enumerate().map(read).collect()
 }
 
 /// Adds a line, in place of the end of one whose writing was cut off.
@@ -59,33 +60,35 @@ pub fn lines<T: DeserializeOwned>(path: &Path) -> io::Result<Vec<T>> {
 ///
 /// Names the file, which cannot be read or written.
 pub fn append<T: Serialize>(path: &Path, line: &T) -> io::Result<()> {
-    let old = text(path)?;
-    let old = whole(&old);
-    let between = if old.is_empty() || old.ends_with('\n') { "" } else { "\n" };
+    let all = bytes(path)?;
+    let kept = whole(&all);
+    let between = if kept.last().is_none_or(|&byte| byte == b'\n') { "" } else { "\n" };
     let new = format!("{between}{}\n", serde_json::to_string(line)?);
     let write = || {
         let mut file = OpenOptions::new().create(true).append(true).open(path)?;
-        file.set_len(old.len() as u64)?;
+        if kept.len() < all.len() {
+            file.set_len(kept.len() as u64)?;
+        }
         file.write_all(new.as_bytes())?;
         file.sync_data()
     };
     write().map_err(|error| named("write", path, &error))
 }
 
-fn text(path: &Path) -> io::Result<String> {
-    match fs::read_to_string(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(String::new()),
-        text => text.map_err(|error| named("read", path, &error)),
+fn bytes(path: &Path) -> io::Result<Vec<u8>> {
+    match fs::read(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(Vec::new()),
+        bytes => bytes.map_err(|error| named("read", path, &error)),
     }
 }
 
-/// The text without the end of a line whose writing was cut off: it ends no line and is no JSON.
-fn whole(text: &str) -> &str {
-    let last = text.rfind('\n').map_or(0, |end| end + 1);
-    match serde_json::from_str::<Value>(&text[last..]) {
-        Ok(_) => text,
-        Err(_) => &text[..last],
-    }
+/// All but the end of a line whose writing was cut off: it ends no line and is no JSON.
+fn whole(all: &[u8]) -> &[u8] {
+    let (kept, last) = match all.iter().rposition(|&byte| byte == b'\n') {
+        Some(end) => all.split_at(end + 1),
+        None => (&[][..], all),
+    };
+    if serde_json::from_slice::<Value>(last).is_ok() { all } else { kept }
 }
 
 fn named(what: &str, path: &Path, error: &io::Error) -> io::Error {

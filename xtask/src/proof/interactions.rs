@@ -2,8 +2,9 @@
 //!
 //! Of each choice one group of settings, or two, is taken back to the start, and the same held-out
 //! pairs are judged again. With L the mean logarithm of the error, taking back a costs
-//! Δ(a) = L(without a) − L(chosen), and a and b interact by Δ(a, b) − Δ(a) − Δ(b). Below 0 they
-//! need each other: one alone is worth little. Above 0 one does what the other would.
+//! Δ(a) = L(without a) − L(chosen), and a and b interact by Δ(a, b) − Δ(a) − Δ(b). Below 0 each is
+//! worth less without the other, or either is enough to lose what both lose: an error counts 1 at
+//! most. Above 0 either does part of what the other does.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -14,7 +15,7 @@ use echoloop_campaign::{Cell, Line, Plan};
 use echoloop_statistics::{Estimate, mean_of_groups};
 
 use super::record::Run;
-use super::table::of_place;
+use super::table::{LEAST_RUNS, of_place};
 use super::{PROOF, SHOWN, line_of};
 use crate::study::table::differences;
 
@@ -32,9 +33,20 @@ const METHODS: [&str; 2] = ["icp", "fgr"];
 
 /// Groups of settings, and how their names begin. A setting is of the first group that it fits.
 const GROUPS: [(&str, &[&str]); 6] = [
-    ("aim", &["lidar.rows", "lidar.columns", "lidar.elevation", "lidar.azimuth", "lidar.tilt"]),
+    (
+        "aim",
+        &[
+            "lidar.rows",
+            "lidar.columns",
+            "lidar.elevation",
+            "lidar.azimuth",
+            "lidar.tilt",
+            "lidar.shots",
+            "lidar.frame",
+        ],
+    ),
     // Samples are of the pulse: a short one needs many.
-    ("pulse", &["lidar.power", "lidar.pulse", "lidar.waveform", "lidar.shots", "lidar.frame"]),
+    ("pulse", &["lidar.power", "lidar.pulse", "lidar.waveform"]),
     ("gain", &["lidar.gain"]),
     ("detection", &["lidar."]),
     ("clouds", &["registration.voxel", "registration.normal", "registration.feature"]),
@@ -135,7 +147,12 @@ pub(super) fn tables(proof: &[Line<Run>], lines: &[Line<Run>]) -> String {
 
 /// Δ of a group: mean over the seeds, each of which is a group of pairs.
 fn cost(proof: &[Line<Run>], lines: &[&Line<Run>], without: &str) -> Option<Estimate> {
-    mean_of_groups(&costs(proof, lines, without).into_values().collect::<Vec<_>>())
+    of_seeds(costs(proof, lines, without).into_values().collect())
+}
+
+/// Mean over seeds; `None` of too few to say something of others.
+fn of_seeds(seeds: Vec<Vec<f64>>) -> Option<Estimate> {
+    (seeds.len() >= LEAST_RUNS).then(|| mean_of_groups(&seeds)).flatten()
 }
 
 /// Interaction of two groups, of the seeds that have all three of their lines.
@@ -146,7 +163,7 @@ fn interaction(proof: &[Line<Run>], lines: &[&Line<Run>], two: [&str; 2]) -> Opt
         let each = first.get(&seed)?.iter().zip(second.get(&seed)?);
         Some(both.iter().zip(each).map(|(both, (first, second))| both - first - second).collect())
     };
-    mean_of_groups(&both.into_iter().filter_map(of_seed).collect::<Vec<Vec<f64>>>())
+    of_seeds(both.into_iter().filter_map(of_seed).collect())
 }
 
 /// By seed, each pair's difference of the error's logarithm to what was chosen.
@@ -221,20 +238,27 @@ mod tests {
 
     #[test]
     fn what_needs_another_interacts_below_0_and_what_replaces_another_above() {
-        let proof = [line(cell("joint"), 100, &[])];
-        let of = |without: &str, error| line(cell("joint").with(WITHOUT, without), error, &[]);
+        let seeds = ["1", "2", "3"];
+        let of_seeds =
+            |cell: &Cell, error| seeds.map(|seed| line(cell.with("seed", seed), error, &[]));
+        let proof = of_seeds(&cell("joint"), 100);
         // Without the pulse the aim is worth nothing more; the pairing alone does for the clouds.
-        let lines = [
-            of("aim", 400),
-            of("pulse", 400),
-            of("aim+pulse", 400),
-            of("clouds", 100),
-            of("pairing", 100),
-            of("clouds+pairing", 300),
+        let taken = [
+            ("aim", 400),
+            ("pulse", 400),
+            ("aim+pulse", 400),
+            ("clouds", 100),
+            ("pairing", 100),
+            ("clouds+pairing", 300),
         ];
+        let of = |(without, error)| of_seeds(&cell("joint").with(WITHOUT, without), error);
+        let mut lines: Vec<Line<Run>> = taken.into_iter().flat_map(of).collect();
         let page = tables(&proof, &lines);
         assert!(page.contains("#### ICP, structured, taken back"), "{page}");
         assert!(page.contains("| aim | **× 3.99** | **−1.38** | – |"), "{page}");
         assert!(page.contains("| clouds |  |  |  |  | × 1.00 | **+1.10** |"), "{page}");
+        lines.retain(|line| line.cell.of("seed") != "3");
+        let page = tables(&proof, &lines);
+        assert!(page.contains("| aim | – | – | – |"), "two seeds say nothing of others: {page}");
     }
 }

@@ -8,7 +8,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::PROOF;
 use super::record::Run;
-use super::table::{of, of_place, to};
+use super::table::{LEAST_RUNS, of, of_place, to};
 use crate::record::three_digits;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -70,7 +70,8 @@ pub(super) fn pictures(lines: &[&Line<Run>]) -> Result<[Picture; 3]> {
 fn controls(lines: &[&Line<Run>]) -> Result<String> {
     let marks = |lines: &[&Line<Run>]| {
         let mark = |(k, &(control, colour)): (usize, &(&str, RGBColor))| {
-            let estimate = to(lines, control)?;
+            let estimate =
+                to(lines, control).filter(|_| of(lines, control).count() >= LEAST_RUNS)?;
             Some(Mark {
                 at: estimate.value.exp(),
                 interval: Some(estimate.interval.map(f64::exp)),
@@ -86,7 +87,7 @@ fn controls(lines: &[&Line<Run>]) -> Result<String> {
         uprights: vec![(1.0, BLACK)],
         rows: rows(lines, |_| true, marks),
     };
-    let title = "Error of both together, times that of each control (full: 1 is out)";
+    let title = "Error of both together over that of each control (disc: differs from 1; 0.04 or less: left)";
     alone(title, &CONTROLS.map(titled), 36, &strip)
 }
 
@@ -101,7 +102,7 @@ fn found(lines: &[&Line<Run>]) -> Result<String> {
         };
         FOUND.iter().enumerate().filter_map(mark).collect()
     };
-    let ticks = vec![0.0, 20.0, 40.0, 60.0, 80.0, 98.0];
+    let ticks = vec![0.0, 20.0, 40.0, 60.0, 80.0, 100.0];
     let strip = Strip {
         axis: Axis { ends: [0.0, 100.0], is_log: false, ticks },
         uprights: Vec::new(),
@@ -308,6 +309,7 @@ fn style(px: i32, side: HPos) -> TextStyle<'static> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::record::fixture;
     use super::*;
 
     #[test]
@@ -318,5 +320,35 @@ mod tests {
         assert!(shares.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{shares:?}");
         let one = Axis { ends: [3.0; 2], is_log: false, ticks: Vec::new() };
         assert_eq!(one.share(3.0), 0.0);
+    }
+
+    #[test]
+    fn a_row_is_a_disc_where_it_differs_and_a_ring_where_it_does_not() {
+        let line = |tuned: &str, seed: &str, error: u32| {
+            let cell = PROOF.cells(&[("seed", &[seed.to_owned()])]).swap_remove(0);
+            let parameters = [("lidar.rows".to_owned(), f64::from(error))].into();
+            let result = Run { parameters, ..fixture(error, 1) };
+            Line { cell: cell.with("tuned", tuned), made: "today".into(), result }
+        };
+        let of_seed = |seed| {
+            [("joint", 400), ("lidar", 400), ("hand", 900)].map(|(row, e)| line(row, seed, e))
+        };
+        let lines: Vec<Line<Run>> = ["1", "2", "3"].into_iter().flat_map(of_seed).collect();
+        let pictures = pictures(&lines.iter().collect::<Vec<_>>()).unwrap();
+        let counted = |picture: &str, mark: &str| picture.matches(mark).count();
+        let of_colour = |picture: &str, colour: RGBColor| {
+            let RGBColor(r, g, b) = colour;
+            let hex = format!("#{r:02X}{g:02X}{b:02X}");
+            let discs = picture.lines().filter(|line| line.contains("<circle"));
+            [format!("fill=\"{hex}\""), format!("stroke=\"{hex}\"")]
+                .map(|style| discs.clone().filter(|line| line.contains(&style)).count())
+        };
+        // Of each control the legend has a disc as well.
+        let [(_, controls), (_, found), (_, settings)] = &pictures;
+        assert_eq!(of_colour(controls, ORANGE), [2, 0], "by hand: a disc\n{controls}");
+        assert_eq!(of_colour(controls, GREEN), [1, 1], "the sensor alone: a ring\n{controls}");
+        assert_eq!(counted(found, "FGR"), 0, "no line of a global method");
+        // Three choices of ICP, three colours of the other methods and two lines in the legend.
+        assert_eq!(of_colour(settings, BLUE), [1 + 3, 0], "{settings}");
     }
 }

@@ -3,10 +3,10 @@
 use std::fmt::Write;
 
 use echoloop_campaign::{Choice, Line};
-use echoloop_statistics::{Estimate, mean_of_groups};
+use echoloop_statistics::{Estimate, mean, mean_of_groups};
 
-use super::PROOF;
 use super::record::Run;
+use super::{PROOF, parts};
 use crate::study::table::{as_ratio, ratio};
 
 /// Row whose gain is to be proved.
@@ -27,7 +27,7 @@ const CONTROLS: [&str; 10] = [
 /// Those of the controls that all have to be beaten.
 const REQUIRED: [&str; 4] = ["lidar", "registration", "combined-half", "hand"];
 /// Runs from which an interval says something of other seeds.
-const LEAST_RUNS: usize = 3;
+pub(super) const LEAST_RUNS: usize = 3;
 
 const HEAD: &str = "\
 | scene | tuned | runs | searched | CPU s | recall | mean error | worst | both together to this |
@@ -131,16 +131,17 @@ fn row(text: &mut String, scene: &str, tuned: &Choice, lines: &[&Line<Run>]) {
     if own.is_empty() {
         return;
     }
-    let mean = |value: &dyn Fn(&Run) -> f64| {
-        own.iter().map(|run| value(run)).sum::<f64>() / own.len() as f64
-    };
     let found: Vec<f64> = own.iter().filter_map(|run| run.tuned.mean_cm).collect();
     let mean_cm = match found.len() {
         0 => "–".to_owned(),
         runs => format!("{:.2} cm", found.iter().sum::<f64>() / runs as f64),
     };
     let worst = own.iter().filter_map(|run| run.tuned.worst_cm).max_by(f64::total_cmp);
-    let searched = match mean(&|run| run.registrations as f64) {
+    // What is put together of others' choices cost what they did.
+    let rows = || [&*tuned.name].into_iter().chain(parts(&tuned.name).iter().copied());
+    let of_all =
+        |value: &dyn Fn(&Run) -> f64| -> f64 { rows().map(|row| mean_of(lines, row, value)).sum() };
+    let searched = match of_all(&|run| run.registrations as f64) {
         0.0 => "–".to_owned(),
         some => format!("{some:.0}"),
     };
@@ -150,10 +151,16 @@ fn row(text: &mut String, scene: &str, tuned: &Choice, lines: &[&Line<Run>]) {
         "| {scene} | {} | {} | {searched} | {:.0} | {:.1} % | {mean_cm} | {} | {gain} |",
         tuned.title(),
         own.len(),
-        mean(&|run| run.cpu_s),
-        mean(&|run| run.tuned.recall_pct),
+        of_all(&|run| run.cpu_s),
+        mean_of(lines, &tuned.name, &|run| run.tuned.recall_pct),
         worst.map_or("–".to_owned(), |cm| format!("{cm:.1} cm")),
     );
+}
+
+/// Mean over a row's runs; 0 without any.
+fn mean_of(lines: &[&Line<Run>], row: &str, value: &dyn Fn(&Run) -> f64) -> f64 {
+    let values: Vec<f64> = of(lines, row).map(|line| value(&line.result)).collect();
+    if values.is_empty() { 0.0 } else { mean(&values) }
 }
 
 /// Ratio of both together to a row, of the seeds that have both, as its logarithm.

@@ -24,12 +24,7 @@ impl<'a> Judge<'a> {
     ) -> Result<Self, SensorError> {
         let (config, pairs) = (&prepared.config, prepared.pairs(which));
         let scanner = prepared.bench().scanner(prepared.device.hardware, config.motion.duration_s);
-        let fitness = Fitness {
-            tune: &config.tune,
-            data: &config.data,
-            start: Vec::new(),
-            given: Vec::new(),
-        };
+        let fitness = Fitness::new(&config.tune, &config.data);
         let mut judge = Self { prepared, scanner, pairs, fitness };
         if config.tune.counts_costs() {
             let (summary, _) = judge.evaluate(&prepared.start, done)?;

@@ -354,8 +354,7 @@ mod tests {
 
         fn winner(&mut self, incumbent: usize, finalists: &[usize]) -> usize {
             let (tune, data) = (TuneConfig::default(), DataConfig::default());
-            let fitness =
-                Fitness { tune: &tune, data: &data, start: Vec::new(), given: Vec::new() };
+            let fitness = Fitness::new(&tune, &data);
             let (step, spread, batches) = (self.step, self.spread, Mutex::new(Vec::new()));
             let evaluate = |tasks: &[Task<'_>]| {
                 batches.lock().expect("nothing panics").push(tasks.len());
@@ -441,7 +440,7 @@ mod tests {
     #[test]
     fn the_incumbent_stays_unless_another_is_ahead_by_a_standard_error() {
         let (tune, data) = (TuneConfig::default(), DataConfig::default());
-        let fitness = Fitness { tune: &tune, data: &data, start: Vec::new(), given: Vec::new() };
+        let fitness = Fitness::new(&tune, &data);
         // Of 65 pairs the mean of a difference of 0.17 times its own spread is 1.4 standard errors.
         let spread = 0.1;
         for (step, ahead, followed) in [(0.17, 1.0..2.0, true), (0.07, 0.1..1.0, false)] {
@@ -471,7 +470,7 @@ mod tests {
             selection.entries[i].results = results.collect();
         }
         let (tune, data) = (TuneConfig::default(), DataConfig::default());
-        let fitness = Fitness { tune: &tune, data: &data, start: Vec::new(), given: Vec::new() };
+        let fitness = Fitness::new(&tune, &data);
         let by_losses = selection.behind(0, 1, PAIRS, &fitness).expect("a mean");
         let ahead = selection.ahead(1, 0, PAIRS, &fitness).expect("a mean");
         assert!((0.0..AHEAD).contains(&by_losses), "{by_losses}");

@@ -32,14 +32,18 @@ const LOST: f64 = 10.0;
 pub(super) struct Fitness<'a> {
     pub tune: &'a TuneConfig,
     pub data: &'a DataConfig,
-    /// Results of the start on every pair; empty where no cost counts.
+    /// Results, on every pair, of the start; empty where nothing is compared with it.
     pub start: Vec<PairResult>,
-    /// Results of what a choice may not fall behind on every pair, the best that was given; empty
-    /// where that is the start.
+    /// Results, on every pair, of the best that was given; empty where that is the start.
     pub given: Vec<PairResult>,
 }
 
-impl Fitness<'_> {
+impl<'a> Fitness<'a> {
+    /// Fitness without anything to compare with.
+    pub(super) fn new(tune: &'a TuneConfig, data: &'a DataConfig) -> Self {
+        Self { tune, data, start: Vec::new(), given: Vec::new() }
+    }
+
     /// Fitness of errors and of the mean cost of their scans: smaller is better.
     pub(super) fn of(&self, errors: &[PairError], cost: Option<&ScanCost>) -> f64 {
         let worth = Worth::from(self.tune).of(errors);
@@ -172,7 +176,7 @@ mod tests {
             (ErrorMean::Geometric, 0.02),
         ] {
             let tune = TuneConfig { error_mean, ..TuneConfig::default() };
-            let measure = Fitness { tune: &tune, data: &data, start: start(), given: Vec::new() };
+            let measure = Fitness { start: start(), ..Fitness::new(&tune, &data) };
             let fitness = measure.of(&errors, cost(0.01).as_ref());
             assert!(close(fitness, expected * 0.01f64.powf(0.05)), "{fitness}");
             let losses = errors.iter().filter_map(|e| measure.loss(e, cost(0.01).as_ref()));
@@ -188,7 +192,7 @@ mod tests {
         let (minimise, error_mean) = (Some(CostKind::Energy), ErrorMean::Geometric);
         let tune = TuneConfig { minimise, error_mean, ..TuneConfig::default() };
         let data = DataConfig::default();
-        let measure = Fitness { tune: &tune, data: &data, start: start(), given: Vec::new() };
+        let measure = Fitness { start: start(), ..Fitness::new(&tune, &data) };
         let fitness = |first: f64, second: f64, energy: f64| {
             measure.of(&[error(0, first), error(1, second)], cost(energy).as_ref())
         };
@@ -219,8 +223,7 @@ mod tests {
             (0..40).map(|i| error(i, own(i))).collect()
         };
         let start = errors(0.01, 0.02).into_iter().map(|error| PairResult { error, cost: None });
-        let measure =
-            Fitness { tune: &tune, data: &data, start: start.collect(), given: Vec::new() };
+        let measure = Fitness { start: start.collect(), ..Fitness::new(&tune, &data) };
         let refused = |least, last| measure.is_beyond_the_limit(&errors(least, last));
         assert!(!refused(0.01, 0.02), "the start itself");
         assert!(!refused(0.005, 0.02));
@@ -262,8 +265,7 @@ mod tests {
             let minimise = Some(CostKind::Energy);
             let tune = TuneConfig { minimise, error_mean: mean, ..TuneConfig::default() };
             let start = (0..16).map(|i| PairResult { error: error(i, 0.02), cost: cost(1.0) });
-            let measure =
-                Fitness { tune: &tune, data: &data, start: start.collect(), given: Vec::new() };
+            let measure = Fitness { start: start.collect(), ..Fitness::new(&tune, &data) };
             let fitness = |pairs: usize, factors: [f64; 2]| {
                 let own = |i: usize| error(i, 0.02 * factors[i % 2]);
                 measure.of(&(0..pairs).map(own).collect::<Vec<_>>(), cost(0.1).as_ref())

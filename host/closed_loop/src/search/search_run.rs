@@ -51,12 +51,7 @@ impl<'a> SearchRun<'a> {
             generations: Vec::new(),
             total: search.stages().iter().map(|stage| stage.generations).sum(),
             pair_weights: vec![1.0; pairs.len()],
-            fitness: Fitness {
-                tune: &config.tune,
-                data: &config.data,
-                start: Vec::new(),
-                given: Vec::new(),
-            },
+            fitness: Fitness::new(&config.tune, &config.data),
         }
     }
 
