@@ -87,7 +87,7 @@ fn controls(lines: &[&Line<Run>]) -> Result<String> {
         uprights: vec![(1.0, BLACK)],
         rows: rows(lines, |_| true, marks),
     };
-    let title = "Error of both together over that of each control (disc: differs from 1; 0.04 or less: left)";
+    let title = "Error of both together over that of each control (a disc differs from 1)";
     alone(title, &CONTROLS.map(titled), 36, &strip)
 }
 

@@ -16,8 +16,8 @@ section! {
              less where the place is under 100 m wide.";
         check_pairs: usize, "pairs", Bounds::between(0.0, 1e4),
             "More pairs of the towns that are tuned in, `baseline_m` apart, which no search sees: \
-             on them the choice must do better than start, warm starts and halves, or that is chosen. \
-             Three times as many as `train_pairs`, 100 at most; 0, none, with the paper's \
+             on them the choice must do better than start, warm starts and halves, or that is \
+             chosen. Three times as many as `train_pairs`, 100 at most; 0, none, with the paper's \
              strategy.";
         baseline_m: f64, "m", Bounds::between(0.0, 100.0),
             "Distance of a pair's scans, m: the paper's 2 for local methods, 5 for global ones.";

@@ -301,8 +301,8 @@ impl SearchRun<'_> {
     }
 }
 
-/// What was given, then the simpler ones, then the choice, each once: of a simpler one that is there
-/// twice the later place counts.
+/// What was given, then the simpler ones, then the choice, each once: of a simpler one that is
+/// there twice the later place counts.
 fn in_order(given: &[usize], simpler: &[usize], choice: usize) -> Vec<usize> {
     let is_own =
         |k: &usize| !given.contains(&simpler[*k]) && !simpler[k + 1..].contains(&simpler[*k]);
