@@ -12,20 +12,24 @@ use super::common::{Common, on_threads};
 use super::exit::{Failure, print};
 use super::number::{ANY, number_as};
 use super::response::{ResponseArgs, response_line};
-use echoloop_instruments::{Finder, Options, Rows, Waveform, echoes, read_waveforms};
+use echoloop_instruments::{Finder, Options, Polarity, Rows, Waveform, echoes, read_waveforms};
 
 /// Flags of `echoes`.
 #[derive(Clone, Debug, Args)]
 #[command(allow_negative_numbers = true)]
 pub(crate) struct EchoesArgs {
-    /// Waveforms, one a row: CSV without header, rows of any length, or a NumPy array (.npy). Zeros
-    /// that pad a row's end are ignored.
+    /// Waveforms, one a row: CSV without header, rows of any length, or a NumPy array (.npy). Or
+    /// one below the other: a value a line, a time and values a line, the CSV of a LeCroy or
+    /// Tektronix. Zeros that pad a row's end are ignored.
     waves: PathBuf,
     #[command(flatten)]
     common: Common,
-    /// Time between samples, ns.
+    /// Time between samples, ns; not needed where the file has times in seconds.
     #[arg(long, value_name = "NS")]
-    sample_ns: f64,
+    sample_ns: Option<f64>,
+    /// Direction of echoes from the ambient [default: as most rows show it].
+    #[arg(long, value_enum)]
+    polarity: Option<PolarityArg>,
     /// The emitted pulse of each row, or one for all, in the same format. It gives the pulse's
     /// width, shape and time.
     #[arg(long, value_name = "FILE")]
@@ -49,18 +53,39 @@ pub(crate) struct EchoesArgs {
     min_separation_ns: f64,
 }
 
+/// `--polarity`.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum PolarityArg {
+    /// They rise above it
+    Positive,
+    /// They fall below it; amplitudes are depths
+    Negative,
+}
+
+impl From<PolarityArg> for Polarity {
+    fn from(arg: PolarityArg) -> Self {
+        match arg {
+            PolarityArg::Positive => Self::Positive,
+            PolarityArg::Negative => Self::Negative,
+        }
+    }
+}
+
 pub(super) fn run(args: &EchoesArgs) -> Result<(), Failure> {
-    let finder = Finder::new(options(args)?);
+    checked(args)?;
     let outputs = args.response.outputs()?;
-    let rows = read_waveforms(&args.waves).map_err(Failure::usage)?;
+    let rows = waveforms(args, &args.waves)?;
+    let sample_ns = sample_ns(args.sample_ns, &args.waves, &rows)?;
+    let finder = Finder::new(options(args, sample_ns));
+    let outgoing = args.outgoing.as_ref();
     let outgoing =
-        args.outgoing.as_ref().map(|path| outgoing(args, path, rows.len())).transpose()?;
+        outgoing.map(|path| outgoing_rows(args, path, rows.len(), sample_ns)).transpose()?;
     on_threads(args.common.threads, || {
-        let response = args.response.find(&rows, args.sample_ns, args.common.quiet)?;
+        let response = args.response.find(&rows, sample_ns, args.common.quiet)?;
         if let Some(response) = &response {
-            outputs.write(response, &args.waves, args.sample_ns)?;
+            outputs.write(response, &args.waves, sample_ns)?;
             if !args.common.quiet {
-                say(response_line(response, args.sample_ns));
+                say(response_line(response, sample_ns));
             }
         }
         print_all(args, &finder.with_response(response), &rows, outgoing.as_ref())
@@ -91,36 +116,85 @@ fn print_all(
 /// Rows whose echoes are in memory at a time: a short row has a document many times its size.
 const AT_A_TIME: usize = 4096;
 
-fn options(args: &EchoesArgs) -> Result<Options, Failure> {
+/// Waveforms of a file, echoes upwards; what was taken otherwise than as rows of samples is said.
+fn waveforms(args: &EchoesArgs, path: &Path) -> Result<Rows, Failure> {
+    let rows = read_waveforms(path).map_err(Failure::usage)?;
+    let rows = rows.with_polarity(args.polarity.map(Polarity::from));
+    for remark in rows.remarks().iter().filter(|_| !args.common.quiet) {
+        say(format_args!("remark: {}: {remark}", path.display()));
+    }
+    Ok(rows)
+}
+
+/// Steps of a time axis that is not known to be in seconds may be in any of these, ns.
+const UNITS_NS: [f64; 5] = [1e9, 1e6, 1e3, 1.0, 1e-3];
+
+/// Greatest difference of the steps of a time axis from `--sample-ns`, as a share.
+const SAME: f64 = 0.01;
+
+/// Time between samples, ns: as given, or by the file's time axis. The two have to agree.
+fn sample_ns(given: Option<f64>, path: &Path, rows: &Rows) -> Result<f64, Failure> {
+    let path = path.display();
+    let (ns, axis) = match (given, rows.axis()) {
+        (Some(ns), None) => return Ok(ns),
+        (None, None) => {
+            return Err(Failure::usage(format!(
+                "--sample-ns is missing: {path} has no time axis in seconds"
+            )));
+        }
+        (None, Some(axis)) if axis.is_in_seconds => return Ok(1e9 * axis.step),
+        (None, Some(axis)) => {
+            return Err(Failure::usage(format!(
+                "--sample-ns is missing: the time axis of {path} has steps of {}, in an unknown \
+                 unit",
+                axis.step
+            )));
+        }
+        (Some(ns), Some(axis)) => (ns, axis),
+    };
+    let units = if axis.is_in_seconds { &UNITS_NS[..1] } else { &UNITS_NS };
+    match units.iter().any(|unit| (unit * axis.step / ns - 1.0).abs() <= SAME) {
+        true => Ok(ns),
+        false => Err(Failure::usage(format!(
+            "--sample-ns {ns} is not what {path} says: its time axis has steps of {}{}",
+            axis.step,
+            if axis.is_in_seconds { " s" } else { "" }
+        ))),
+    }
+}
+
+/// Refuses what is out of range.
+fn checked(args: &EchoesArgs) -> Result<(), Failure> {
+    let ns = args.sample_ns.unwrap_or(1.0);
     let checks = [
-        (
-            "--sample-ns",
-            args.sample_ns,
-            (1e-6..=1e9).contains(&args.sample_ns),
-            "0.000001 to 1000000000",
-        ),
+        ("--sample-ns", ns, (1e-6..=1e9).contains(&ns), "0.000001 to 1000000000"),
         ("--snr", args.snr, (1.0..=250.0).contains(&args.snr), "1 to 250"),
         ("--floor", args.floor, (0.0..=1.0).contains(&args.floor), "0 to 1"),
         ("--min-separation-ns", args.min_separation_ns, args.min_separation_ns >= 0.0, "0 or more"),
     ];
-    for (flag, value, good, range) in checks {
-        if !(good && value.is_finite()) {
-            return Err(Failure::usage(format!("{flag} {value} must be {range}")));
+    match checks.into_iter().find(|(_, value, good, _)| !(*good && value.is_finite())) {
+        Some((flag, value, _, range)) => {
+            Err(Failure::usage(format!("{flag} {value} must be {range}")))
         }
+        None => Ok(()),
     }
-    Ok(Options {
-        sample_ns: args.sample_ns,
+}
+
+fn options(args: &EchoesArgs, sample_ns: f64) -> Options {
+    Options {
+        sample_ns,
         snr: args.snr,
         floor: args.floor,
         max_echoes: args.max_echoes,
         min_separation_ns: args.min_separation_ns,
-    })
+    }
 }
 
 /// Reads the emitted pulses: as many as rows, or one. A row that shows no pulse is warned of and
 /// left out.
-fn outgoing(args: &EchoesArgs, path: &Path, rows: usize) -> Result<Rows, Failure> {
-    let outgoing = read_waveforms(path).map_err(Failure::usage)?;
+fn outgoing_rows(args: &EchoesArgs, path: &Path, rows: usize, ns: f64) -> Result<Rows, Failure> {
+    let outgoing = waveforms(args, path)?;
+    sample_ns(Some(ns), path, &outgoing)?;
     if outgoing.len() != rows && outgoing.len() != 1 {
         let (path, waves) = (path.display(), args.waves.display());
         let found = outgoing.len();

@@ -10,7 +10,7 @@ use super::number::{flag, number_as};
 use echoloop_closed_loop::run_folder::files::Output;
 use echoloop_files::say;
 use echoloop_instruments::response::{LEAST_ECHOES, Later, NoResponse, Response};
-use echoloop_instruments::{Rows, read_waveforms};
+use echoloop_instruments::{Rows, read_table};
 use echoloop_report::ResponsePage;
 
 /// Flags that read, estimate or write the response.
@@ -63,7 +63,7 @@ impl ResponseArgs {
         let found = match (&self.response, self.no_response) {
             (_, true) => return Ok(None),
             (Some(path), _) => {
-                let points = read_waveforms(path).map_err(Failure::usage)?;
+                let points = read_table(path).map_err(Failure::usage)?;
                 let given = Response::of_points(path, &points, sample_ns);
                 Ok(given.map_err(Failure::usage)?.with_noise_of(rows))
             }

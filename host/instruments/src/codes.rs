@@ -21,7 +21,7 @@ pub struct Codes {
 }
 
 impl Codes {
-    /// Scales finite numbers.
+    /// Scales finite numbers; a missing one is NaN, and not all are.
     ///
     /// ```text
     /// whole numbers over less than 2¹⁴:  code = v − min,                unit = 1
@@ -37,7 +37,7 @@ impl Codes {
             return Self::from_whole_record(samples);
         }
         let mut values = samples.to_vec();
-        let whole = values.iter().all(|v| v.fract() == 0.0);
+        let whole = values.iter().all(|v| v.is_nan() || v.fract() == 0.0);
         bridge(&mut values, &gaps);
         if whole {
             values.iter_mut().for_each(|v| *v = v.round());
@@ -64,7 +64,7 @@ impl Codes {
 
     /// True when a sample lies in a gap or beside one.
     pub fn is_beside_gap(&self, sample: usize) -> bool {
-        self.gaps.iter().any(|gap| (gap.start - 1..=gap.end).contains(&sample))
+        self.gaps.iter().any(|gap| (gap.start.saturating_sub(1)..=gap.end).contains(&sample))
     }
 
     /// A height in Q1.15 in codes.

@@ -1,6 +1,6 @@
 //! Waveforms of other instruments, and their echoes.
 //!
-//! To read another format, add a file beside `csv` and `npy`, and its first bytes in [`read`].
+//! To read another format, add a file beside `csv`, `scope` and `npy`, and call it in [`read`].
 //!
 //! ```text
 //! file ─ read → rows of numbers ─ codes → ADC codes ─ finder → samples ─ echoes → ns, file's units
@@ -29,17 +29,23 @@
 //! assert!((found[0].echoes[0].time_ns - 80.0).abs() < 0.1);
 //! ```
 
+mod axis;
 pub mod codes;
 mod csv;
 pub mod echoes;
 pub mod finder;
 mod gaps;
+mod missing;
 mod npy;
+mod polarity;
 pub mod read;
 pub mod response;
 mod rows;
+mod scope;
 
+pub use axis::TimeAxis;
 pub use echoes::{Echo, Finder, Options, Waveform};
-pub use read::{parse_waveforms, read_waveforms};
+pub use polarity::Polarity;
+pub use read::{parse_waveforms, read_table, read_waveforms};
 pub use response::Response;
 pub use rows::Rows;

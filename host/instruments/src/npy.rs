@@ -38,16 +38,23 @@ impl Array {
         self.rows
     }
 
+    pub(super) fn columns(&self) -> usize {
+        self.columns
+    }
+
     /// Numbers of a row; panics when the row does not exist.
     pub(super) fn row(&self, row: usize) -> impl Iterator<Item = f64> + '_ {
-        (0..self.columns).map(move |column| {
-            let index = match self.by_columns {
-                true => column * self.rows + row,
-                false => row * self.columns + column,
-            };
-            let at = self.start + index * self.number.kind.size();
-            self.number.read(&self.bytes[at..at + self.number.kind.size()])
-        })
+        (0..self.columns).map(move |column| self.number(row, column))
+    }
+
+    /// A number; panics when it does not exist.
+    pub(super) fn number(&self, row: usize, column: usize) -> f64 {
+        let index = match self.by_columns {
+            true => column * self.rows + row,
+            false => row * self.columns + column,
+        };
+        let at = self.start + index * self.number.kind.size();
+        self.number.read(&self.bytes[at..at + self.number.kind.size()])
     }
 
     /// Refuses numbers that are not finite.

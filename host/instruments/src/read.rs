@@ -4,35 +4,56 @@ use std::path::Path;
 
 use echoloop_files::{FileError, read_data};
 
+use super::npy::is_npy;
 use super::rows::Rows;
-use super::{csv, npy};
+use super::{csv, npy, scope};
 
-/// Reads one waveform a row: CSV without a header, rows of any length, or a NumPy `.npy` array of
-/// one or two dimensions (recognised by its first bytes, not by its name).
+/// Reads waveforms: one a row, CSV without a header, rows of any length, or a NumPy `.npy` array of
+/// one or two dimensions (recognised by its first bytes, not by its name). Or one below the other:
+/// a value a line, a time and values a line, the CSV of a LeCroy or Tektronix oscilloscope.
 ///
-/// Every number must be finite. An empty row is an empty waveform; empty cells at a row's end are
-/// dropped.
+/// A sample is missing where a cell is empty or has the fill value of the file. An empty row is an
+/// empty waveform; empty cells at a row's end are dropped. What was not taken for rows of samples
+/// is among the [`Rows::remarks`].
 ///
 /// # Errors
 ///
-/// [`FileError`] names the file, the expected content and, for a cell, row and column. A file
-/// without rows is an error too.
+/// [`FileError`] names the file, the expected content and, for a cell that is no finite number, row
+/// and column. A file without rows is an error too.
 pub fn read_waveforms(path: &Path) -> Result<Rows, FileError> {
     parse_waveforms(path, read_data(path).map_err(FileError::io(path))?)
 }
 
 /// As [`read_waveforms`], from bytes; `path` is for messages.
 pub fn parse_waveforms(path: &Path, bytes: Vec<u8>) -> Result<Rows, FileError> {
-    parse(bytes).map_err(FileError::content(path))
+    let parsed = match is_npy(&bytes) {
+        true => npy::parse(bytes).map(Rows::of_array),
+        false => csv::text(&bytes)
+            .and_then(|text| csv::parse(text).or_else(|problem| scope::parse(text).ok_or(problem))),
+    };
+    let rows = parsed.and_then(not_empty).map_err(FileError::content(path))?;
+    Ok(rows.into_waveforms().without_fill())
 }
 
-fn parse(bytes: Vec<u8>) -> Result<Rows, String> {
-    let rows = if npy::is_npy(&bytes) {
-        Rows::of_array(npy::parse(bytes)?)
-    } else {
-        let (numbers, ends) = csv::parse(&bytes)?;
-        Rows::of_text(numbers, ends)
+/// Reads the rows of a table of numbers, CSV without a header or `.npy`, as they are.
+///
+/// # Errors
+///
+/// As [`read_waveforms`].
+pub fn read_table(path: &Path) -> Result<Rows, FileError> {
+    parse_table(path, read_data(path).map_err(FileError::io(path))?)
+}
+
+/// As [`read_table`], from bytes; `path` is for messages.
+pub(crate) fn parse_table(path: &Path, bytes: Vec<u8>) -> Result<Rows, FileError> {
+    let parsed = match is_npy(&bytes) {
+        true => npy::parse(bytes).map(Rows::of_array),
+        false => csv::text(&bytes).and_then(csv::parse),
     };
+    parsed.and_then(not_empty).map_err(FileError::content(path))
+}
+
+fn not_empty(rows: Rows) -> Result<Rows, String> {
     match rows.is_empty() {
         true => Err("expected at least one row, found none".into()),
         false => Ok(rows),

@@ -1,17 +1,29 @@
 //! Rows of numbers in their stored form: a sample of one byte takes one byte until its row is read.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
+use super::axis::TimeAxis;
 use super::codes::Codes;
+use super::missing::fill_value;
 use super::npy::Array;
+use super::polarity::Polarity;
 
 /// Rows of a file, each read on demand.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Rows(Stored);
+pub struct Rows {
+    stored: Stored,
+    /// Number that stands for a missing sample.
+    fill: Option<f64>,
+    /// True when the samples are turned over: echoes fall in the file.
+    is_turned: bool,
+    axis: Option<TimeAxis>,
+    remarks: Vec<String>,
+}
 
 #[derive(Clone, Debug, PartialEq)]
 enum Stored {
-    /// Numbers of a text, all rows end to end, and the end of each row.
+    /// Numbers of a text, all rows end to end, and the end of each row. A missing one is NaN.
     Text { numbers: Vec<f64>, ends: Vec<u32> },
     /// Array as it was written.
     Array(Array),
@@ -19,16 +31,72 @@ enum Stored {
 
 impl Rows {
     pub(super) fn of_array(array: Array) -> Self {
-        Self(Stored::Array(array))
+        Self::of(Stored::Array(array))
     }
 
     pub(super) fn of_text(numbers: Vec<f64>, ends: Vec<u32>) -> Self {
-        Self(Stored::Text { numbers, ends })
+        Self::of(Stored::Text { numbers, ends })
+    }
+
+    /// Rows of numbers.
+    pub(super) fn of_rows(rows: impl IntoIterator<Item = Vec<f64>>) -> Self {
+        let (mut numbers, mut ends) = (Vec::new(), Vec::new());
+        for row in rows {
+            numbers.extend(row);
+            ends.push(numbers.len() as u32);
+        }
+        Self::of_text(numbers, ends)
+    }
+
+    fn of(stored: Stored) -> Self {
+        Self { stored, fill: None, is_turned: false, axis: None, remarks: Vec::new() }
+    }
+
+    pub(super) fn with_axis(self, axis: TimeAxis) -> Self {
+        Self { axis: Some(axis), ..self }
+    }
+
+    pub(super) fn with_remark(mut self, remark: String) -> Self {
+        self.remarks.push(remark);
+        self
+    }
+
+    /// The rows without samples that the file does not have: its fill value, if it has one.
+    pub(super) fn without_fill(mut self) -> Self {
+        if let Some((fill, count)) = fill_value(&self) {
+            self.fill = Some(fill);
+            let samples = if count == 1 { "1 sample" } else { &format!("{count} samples") };
+            self.remarks.push(format!("{samples} of {fill} are taken for missing"));
+        }
+        self
+    }
+
+    /// The rows with rising echoes: turned over where their polarity is negative, as found or as
+    /// given.
+    #[must_use]
+    pub fn with_polarity(mut self, given: Option<Polarity>) -> Self {
+        let polarity = given.unwrap_or_else(|| Polarity::of(&self));
+        self.is_turned = polarity == Polarity::Negative;
+        if self.is_turned && given.is_none() {
+            let remark = "echoes fall below the ambient: their amplitudes are depths";
+            self.remarks.push(remark.to_owned());
+        }
+        self
+    }
+
+    /// What was read otherwise than as rows of samples.
+    pub fn remarks(&self) -> &[String] {
+        &self.remarks
+    }
+
+    /// Time axis of the file, if it has one.
+    pub fn axis(&self) -> Option<TimeAxis> {
+        self.axis
     }
 
     /// Number of rows.
     pub fn len(&self) -> usize {
-        match &self.0 {
+        match &self.stored {
             Stored::Text { ends, .. } => ends.len(),
             Stored::Array(array) => array.rows(),
         }
@@ -39,19 +107,38 @@ impl Rows {
         self.len() == 0
     }
 
-    /// Numbers of a row.
+    /// Number of numbers of a row that exists.
+    pub(super) fn row_len(&self, row: usize) -> usize {
+        match &self.stored {
+            Stored::Text { ends, .. } => text_row(ends, row).len(),
+            Stored::Array(array) => array.columns(),
+        }
+    }
+
+    /// A number as the file has it, of a row and column that exist.
+    pub(super) fn number(&self, row: usize, column: usize) -> f64 {
+        match &self.stored {
+            Stored::Text { numbers, ends } => numbers[text_row(ends, row).start + column],
+            Stored::Array(array) => array.number(row, column),
+        }
+    }
+
+    /// Numbers of a row; a missing one is NaN.
     ///
     /// # Panics
     ///
     /// When the row does not exist.
     pub fn row(&self, row: usize) -> Cow<'_, [f64]> {
-        match &self.0 {
-            Stored::Text { numbers, ends } => {
-                let start = row.checked_sub(1).map_or(0, |before| ends[before] as usize);
-                Cow::Borrowed(&numbers[start..ends[row] as usize])
-            }
+        let stored = match &self.stored {
+            Stored::Text { numbers, ends } => Cow::Borrowed(&numbers[text_row(ends, row)]),
             Stored::Array(array) => Cow::Owned(array.row(row).collect()),
+        };
+        if self.fill.is_none() && !self.is_turned {
+            return stored;
         }
+        let sign = if self.is_turned { -1.0 } else { 1.0 };
+        let read = |&value: &f64| if Some(value) == self.fill { f64::NAN } else { sign * value };
+        Cow::Owned(stored.iter().map(read).collect())
     }
 
     /// A row without its padding, as codes.
@@ -60,12 +147,19 @@ impl Rows {
     }
 }
 
-/// A waveform without the zeros that pad its row to the others' length.
+/// Range of a row's numbers.
+fn text_row(ends: &[u32], row: usize) -> Range<usize> {
+    row.checked_sub(1).map_or(0, |before| ends[before] as usize)..ends[row] as usize
+}
+
+/// A waveform without the zeros that pad its row to the others' length, and without missing samples
+/// at its end.
 ///
 /// Zeros at the end are padding, with two exceptions. The samples before them fall towards zero:
 /// the last step, d down to v, has v ≤ d. Or the row begins with two zeros. Such a record rests at
 /// zero, and the zeros are the end of an echo: up to 16 of them stay.
 pub(super) fn without_padding(row: &[f64]) -> &[f64] {
+    let row = &row[..row.iter().rposition(|v| !v.is_nan()).map_or(0, |last| last + 1)];
     let end = row.iter().rposition(|&v| v != 0.0).map_or(0, |last| last + 1);
     let falls_to_zero = match row[..end] {
         [.., before, last] => {
@@ -111,5 +205,26 @@ mod tests {
         let mut row = vec![0., 50., 20., 4.];
         row.resize(100, 0.);
         assert_eq!(without_padding(&row).len(), 20);
+    }
+
+    #[test]
+    fn missing_samples_keep_their_places_and_go_at_the_end() {
+        let row = [65_535.0, 200.0, 65_535.0, 220.0, 210.0, 65_535.0];
+        let rows = Rows::of_rows([row.to_vec()]).without_fill();
+        assert_eq!(rows.remarks(), ["3 samples of 65535 are taken for missing"]);
+        let codes = rows.codes(0);
+        assert_eq!((codes.codes, codes.gaps), (vec![0, 0, 10, 20, 10], vec![0..1, 2..3]));
+    }
+
+    #[test]
+    fn falling_echoes_are_turned_over() {
+        let row: Vec<f64> = (0..60).map(|n| if n == 30 { 10.0 } else { 500.0 }).collect();
+        let rows = Rows::of_rows([row.clone()]).with_polarity(None);
+        assert_eq!((rows.row(0)[30], rows.row(0)[0]), (-10.0, -500.0));
+        assert!(rows.remarks()[0].contains("fall below"));
+        let told = Rows::of_rows([row.clone()]).with_polarity(Some(Polarity::Negative));
+        assert_eq!((told.row(0)[30], told.remarks().len()), (-10.0, 0));
+        let kept = Rows::of_rows([row]).with_polarity(Some(Polarity::Positive));
+        assert_eq!(kept.row(0)[30], 10.0);
     }
 }

@@ -282,7 +282,7 @@ fn files_that_are_wrong_are_refused_with_their_place() {
         [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), &bytes]
             .concat()
     };
-    let files: [(&str, Vec<u8>, &str); 10] = [
+    let files: [(&str, Vec<u8>, &str); 9] = [
         (
             "nan.csv",
             b"1,2,3\n4,NaN,6\n".to_vec(),
@@ -302,11 +302,6 @@ fn files_that_are_wrong_are_refused_with_their_place() {
             "head.csv",
             b"V1,V2\n1,2\n".to_vec(),
             "head.csv: row 1, column 1: expected a finite number, found 'V1' (the first line",
-        ),
-        (
-            "gap.csv",
-            b"1,,3\n".to_vec(),
-            "gap.csv: row 1, column 2: expected a finite number, found nothing",
         ),
         ("empty.csv", Vec::new(), "empty.csv: expected at least one row, found none"),
         ("binary.csv", vec![0xff, 0xfe, 0], "binary.csv: expected CSV"),
@@ -331,6 +326,83 @@ fn files_that_are_wrong_are_refused_with_their_place() {
             .refuses(&["echoes", "good.csv", "--sample-ns", "1", "--outgoing", name], &[message]);
     }
     fixture.refuses(&["echoes", "absent.csv", "--sample-ns", "1"], &["absent.csv"]);
+}
+
+/// Runs the command on a text and gives the waveforms, and what it says.
+fn of_text(fixture: &Fixture, text: &str, more: &[&str]) -> (Vec<Value>, String) {
+    fixture.write("waves.csv", text);
+    let output = fixture.succeed(&[&["echoes", "waves.csv", "--json"], more].concat());
+    let lines = output.stdout.lines().map(|line| serde_json::from_str(line).expect(line));
+    (lines.collect(), output.stderr)
+}
+
+const NS: [&str; 2] = ["--sample-ns", "1"];
+
+#[test]
+fn missing_samples_are_said_and_make_no_echo() {
+    let fixture = Fixture::new();
+    let row = record(300, 200.0, &[(80.0, 300.0, 7.0)]);
+    let expected = numbers(&echoes(&fixture, std::slice::from_ref(&row), &[])[0], "time_ns");
+    assert_eq!(expected.len(), 1);
+    for (missing, said) in [
+        ("65535", "3 samples of 65535 are taken for missing"),
+        ("-9999", "3 samples of -9999 are taken for missing"),
+        ("", "3 empty cells are missing samples"),
+    ] {
+        let cell = |(n, value): (usize, &f64)| match n {
+            200..203 => missing.to_owned(),
+            _ => value.to_string(),
+        };
+        let text = row.iter().enumerate().map(cell).collect::<Vec<_>>().join(",");
+        let (found, stderr) = of_text(&fixture, &text, &NS);
+        assert_eq!(numbers(&found[0], "time_ns"), expected, "{missing:?}");
+        assert!(stderr.contains(said), "{stderr}");
+    }
+}
+
+#[test]
+fn falling_echoes_are_found_by_their_depth_and_said() {
+    let fixture = Fixture::new();
+    let rising = record(300, 1000.0, &[(80.0, 900.0, 7.0), (140.0, 300.0, 7.0)]);
+    let falling: Vec<f64> = rising.iter().map(|value| 4000.0 - value).collect();
+    let expected = echoes(&fixture, &[rising], &[]);
+    let text = csv(&[falling]);
+    let (found, stderr) = of_text(&fixture, &text, &NS);
+    assert_eq!(found, expected);
+    assert!(stderr.contains("echoes fall below the ambient"), "{stderr}");
+    let (told, stderr) = of_text(&fixture, &text, &[&NS[..], &["--polarity=negative"]].concat());
+    assert!(told == expected && !stderr.contains("fall below"), "{stderr}");
+    let (kept, _) = of_text(&fixture, &text, &[&NS[..], &["--polarity=positive"]].concat());
+    assert_ne!(kept, expected);
+}
+
+#[test]
+fn waveforms_one_below_the_other_are_read_and_their_times_agree_with_the_flag() {
+    let fixture = Fixture::new();
+    let rows = [record(200, 10.0, &[(60.0, 90.0, 7.0)]), record(200, 10.0, &[(90.0, 80.0, 7.0)])];
+    let expected = echoes(&fixture, &rows, &[]);
+    let lines = |line: &dyn Fn(usize) -> String| (0..200).map(line).collect::<String>();
+    let one = lines(&|n| format!("{}\n", rows[0][n]));
+    let (found, stderr) = of_text(&fixture, &one, &NS);
+    assert_eq!(found, expected[..1]);
+    assert!(stderr.contains("one waveform of 200 samples"), "{stderr}");
+    // Microseconds, which the flag tells; without it they might be anything.
+    let timed = lines(&|n| format!("{},{},{}\n", 1e-3 * n as f64, rows[0][n], rows[1][n]));
+    assert_eq!(of_text(&fixture, &timed, &NS).0, expected);
+    fixture.refuses(&["echoes", "waves.csv"], &["--sample-ns", "steps of 0.001", "unknown unit"]);
+    fixture.refuses(&["echoes", "waves.csv", "--sample-ns", "2"], &["is not what waves.csv says"]);
+    // An oscilloscope's are seconds.
+    let seconds = lines(&|n| format!("{:e},{},{}\n", 1e-9 * n as f64, rows[0][n], rows[1][n]));
+    for head in [
+        "LECROYWR64Xi,1,Waveform\nSegments,1,SegmentSize,200\nTime,Ampl,Ampl\n",
+        "Model,MSO54\nTIME,CH1,CH2\n",
+    ] {
+        let (found, _) = of_text(&fixture, &format!("{head}{seconds}"), &[]);
+        assert_eq!(found, expected, "{head}");
+        fixture.refuses(&["echoes", "waves.csv", "--sample-ns", "1000"], &["steps of", " s"]);
+    }
+    fixture.write("waves.csv", csv(&rows));
+    fixture.refuses(&["echoes", "waves.csv"], &["--sample-ns is missing"]);
 }
 
 #[test]

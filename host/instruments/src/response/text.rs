@@ -124,11 +124,11 @@ fn resampled(given: &Curve, spreads: &[f64]) -> Response {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parse_waveforms;
+    use crate::read::parse_table;
 
     fn read(text: &str) -> Result<Response, String> {
         let path = Path::new("response.csv");
-        let rows = parse_waveforms(path, text.into()).expect("rows");
+        let rows = parse_table(path, text.into()).expect("rows");
         Response::of_points(path, &rows, 0.5).map_err(|error| error.to_string())
     }
 

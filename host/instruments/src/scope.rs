@@ -1,0 +1,145 @@
+//! Columns below a header: a name and a value a line; or exports of oscilloscopes, which say what
+//! they are, then have a time and values a line.
+//!
+//! LeCroy's spreadsheet format has several segments one below the other, each with times of its
+//! own; Tektronix writes what it says of itself before the columns (MSO, DPO) or beside them (TDS):
+//!
+//! ```text
+//! LECROYWR64Xi,1234,Waveform          Model,MSO54            Record Length,2.5e+03,,-2e-07,0.02
+//! Segments,2,SegmentSize,3            Sample Interval,4e-10  Sample Interval,4e-10,,-1.996e-07,0
+//! Segment,TrigTime,TimeSinceSegment1  TIME,CH1,CH2           Trigger Point,5e+02,,-1.992e-07,0.02
+//! #1,24-Nov-2026 09:37:08,0           -2e-07,0.02,1.4        ,,,-1.988e-07,0.02
+//! #2,24-Nov-2026 09:37:09,1.1         -1.996e-07,0,1.41
+//! Time,Ampl
+//! -1e-09,0.1
+//! ```
+
+use super::axis::{ROUNDED, TimeAxis, even_step};
+use super::rows::Rows;
+
+/// Least number of lines of a segment.
+const LEAST: usize = 8;
+
+/// Waveforms of such a text, segment by segment, each with its columns in their order; `None` where
+/// it is none. Times are in seconds.
+pub(super) fn parse(text: &str) -> Option<Rows> {
+    let lines: Vec<Vec<&str>> =
+        text.lines().filter(|line| !line.trim().is_empty()).map(cells).collect();
+    let is_number = |cell: &&str| number(cell).is_some();
+    let last = lines.last()?;
+    let mut columns: Vec<usize> = (0..last.len()).filter(|&k| is_number(&last[k])).collect();
+    let is_data = |line: &Vec<&str>| columns.iter().all(|&k| line.get(k).is_some_and(is_number));
+    let first = lines.iter().rposition(|line| !is_data(line)).map_or(0, |before| before + 1);
+    // A line of names says which column is the time; an index of the sample may stand before it.
+    if let Some(names) = first.checked_sub(1).map(|before| &lines[before]) {
+        let is_time = |name: &&str| name.to_ascii_lowercase().starts_with("time");
+        if let Some(time) = names.iter().position(is_time) {
+            columns.retain(|&k| k >= time);
+        }
+    }
+    let data = &lines[first..];
+    let of =
+        |k: usize| -> Vec<f64> { data.iter().filter_map(|line| number(line.get(k)?)).collect() };
+    if first == 1 && data.len() >= LEAST && lines.iter().all(|line| line.len() == 1) {
+        return Some(Rows::of_column(of(0)));
+    }
+    let (&time, values) = columns.split_first()?;
+    let times = of(time);
+    let values: Vec<Vec<f64>> = values.iter().map(|&k| of(k)).collect();
+    let starts = (1..times.len()).filter(|&n| times[n] < times[n - 1]);
+    let bounds: Vec<usize> = [0].into_iter().chain(starts).chain([times.len()]).collect();
+    let (mut rows, mut step) = (Vec::new(), None);
+    for bound in bounds.windows(2) {
+        let own = bound[0]..bound[1];
+        let of_segment = even_step(&times[own.clone()], ROUNDED).filter(|_| own.len() >= LEAST)?;
+        if (of_segment / *step.get_or_insert(of_segment) - 1.0).abs() > 0.01 {
+            return None;
+        }
+        rows.extend(values.iter().map(|column| column[own.clone()].to_vec()));
+    }
+    let step = step.filter(|_| !rows.is_empty())?;
+    Some(Rows::in_columns(rows, TimeAxis { step, is_in_seconds: true }))
+}
+
+fn cells(line: &str) -> Vec<&str> {
+    line.split(',').map(|cell| cell.trim().trim_matches('"').trim()).collect()
+}
+
+fn number(cell: &str) -> Option<f64> {
+    cell.parse().ok().filter(|value: &f64| value.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn segment(step: f64, channels: usize, offset: f64) -> String {
+        let line = |n: usize| {
+            let values =
+                (0..channels).map(|c| format!(",{}", n as f64 + 100.0 * c as f64 + offset));
+            format!("{:e}{}\n", (n as f64 - 3.0) * step, values.collect::<String>())
+        };
+        (0..9).map(line).collect()
+    }
+
+    #[test]
+    fn the_segments_of_a_lecroy_are_waveforms() {
+        let text = format!(
+            "LECROYWR64Xi,1234,Waveform\r\nSegments,2,SegmentSize,9\nSegment,TrigTime,\
+             TimeSinceSegment1\n#1,24-Nov-2026 09:37:08,0\n#2,24-Nov-2026 09:37:09,1.1\nTime,Ampl\n\
+             {}{}",
+            segment(1e-9, 1, 0.0),
+            segment(1e-9, 1, 50.0)
+        );
+        let rows = parse(&text).unwrap();
+        assert_eq!((rows.len(), rows.row(0)[2], rows.row(1)[2]), (2, 2.0, 52.0));
+        let axis = rows.axis().unwrap();
+        assert!(axis.is_in_seconds && (axis.step - 1e-9).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_tektronix_says_what_it_is_before_its_columns_or_beside_them() {
+        let before = format!(
+            "Model,MSO54\nSample Interval,4e-10\n\nTIME,CH1,CH2\n{}",
+            segment(4e-10, 2, 0.0)
+        );
+        let rows = parse(&before).unwrap();
+        assert_eq!((rows.len(), rows.row(1)[4]), (2, 104.0));
+        let about = ["Record Length,9", "Sample Interval,4e-10", "Source,CH1"];
+        let beside: String = segment(4e-10, 1, 0.0)
+            .lines()
+            .enumerate()
+            .map(|(n, line)| format!("{},,{line},\n", about.get(n).unwrap_or(&",")))
+            .collect();
+        let rows = parse(&beside).unwrap();
+        assert_eq!((rows.len(), rows.row(0).len(), rows.row(0)[8]), (1, 9, 8.0));
+    }
+
+    #[test]
+    fn an_index_before_the_time_is_no_value() {
+        let lines: String =
+            (0..9).map(|n| format!("{n},{:e},{}\n", 4e-9 * f64::from(n), n % 4)).collect();
+        let rows = parse(&format!("sample,time,ch1\n{lines}")).unwrap();
+        assert_eq!((rows.len(), rows.row(0)[5]), (1, 1.0));
+        assert!((rows.axis().unwrap().step - 4e-9).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_name_and_a_value_a_line_are_one_waveform() {
+        let lines: String = (0..9).map(|n| format!("{n}\n")).collect();
+        let rows = parse(&format!("\"imp\"\n{lines}")).unwrap();
+        assert_eq!((rows.len(), rows.row(0)[8], rows.axis()), (1, 8.0, None));
+        assert!(rows.remarks()[0].contains("one waveform of 9 samples"));
+    }
+
+    #[test]
+    fn a_text_without_even_times_is_none() {
+        for text in ["", "V1,V2\n1,2\n", "Time,Ampl\n0,1\n1,2\n", "a\nb\n", "Time\n1\n2\n3\n"] {
+            assert_eq!(parse(text), None, "{text}");
+        }
+        let uneven = segment(1e-9, 1, 0.0) + "1e-6,4\n";
+        assert_eq!(parse(&format!("Time,Ampl\n{uneven}")), None);
+        let two_steps = segment(1e-9, 1, 0.0) + &segment(2e-9, 1, 0.0);
+        assert_eq!(parse(&format!("Time,Ampl\n{two_steps}")), None);
+    }
+}
