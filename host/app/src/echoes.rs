@@ -11,7 +11,7 @@ use echoloop_instruments::finder::EchoFinder;
 use super::common::{Common, on_threads};
 use super::exit::{Failure, print};
 use super::number::{ANY, number_as};
-use super::response::{ResponseArgs, response_line};
+use super::response::{ResponseArgs, doubt_line, response_line};
 use echoloop_instruments::{Finder, Options, Polarity, Rows, Waveform, echoes, read_waveforms};
 
 /// Flags of `echoes`.
@@ -81,11 +81,13 @@ pub(super) fn run(args: &EchoesArgs) -> Result<(), Failure> {
     let outgoing =
         outgoing.map(|path| outgoing_rows(args, path, rows.len(), sample_ns)).transpose()?;
     on_threads(args.common.threads, || {
-        let response = args.response.find(&rows, sample_ns, args.common.quiet)?;
+        let response =
+            args.response.find(&rows, outgoing.as_ref(), sample_ns, args.common.quiet)?;
         if let Some(response) = &response {
             outputs.write(response, &args.waves, sample_ns)?;
             if !args.common.quiet {
                 say(response_line(response, sample_ns));
+                doubt_line(response, sample_ns).into_iter().for_each(say);
             }
         }
         print_all(args, &finder.with_response(response), &rows, outgoing.as_ref())

@@ -10,7 +10,7 @@ use super::number::{flag, number_as};
 use echoloop_closed_loop::run_folder::files::Output;
 use echoloop_files::say;
 use echoloop_instruments::response::{LEAST_ECHOES, Later, NoResponse, Response};
-use echoloop_instruments::{Rows, read_table};
+use echoloop_instruments::{POSSIBLE_REPEAT, Rows, read_table};
 use echoloop_report::ResponsePage;
 
 /// Flags that read, estimate or write the response.
@@ -57,6 +57,7 @@ impl ResponseArgs {
     pub(super) fn find(
         &self,
         rows: &Rows,
+        outgoing: Option<&Rows>,
         sample_ns: f64,
         quiet: bool,
     ) -> Result<Option<Response>, Failure> {
@@ -67,7 +68,7 @@ impl ResponseArgs {
                 let given = Response::of_points(path, &points, sample_ns);
                 Ok(given.map_err(Failure::usage)?.with_noise_of(rows))
             }
-            (None, _) => Response::of_rows(rows, self.least_echoes),
+            (None, _) => Response::of_rows(rows, self.least_echoes, outgoing),
         };
         match found {
             Ok(response) => Ok(Some(response)),
@@ -110,6 +111,20 @@ impl Outputs {
         }
         Ok(())
     }
+}
+
+/// What the targets may have made of a response; `None` where nothing.
+pub(super) fn doubt_line(response: &Response, sample_ns: f64) -> Option<String> {
+    let top = |at: &Later| format!("{:.1} % at {:.1} ns", 100.0 * at.level, at.lag * sample_ns);
+    let tops: Vec<String> = response.doubtful.iter().map(top).collect();
+    (!tops.is_empty()).then(|| {
+        format!(
+            "remark: after the strong echoes come {}: the instrument's, or second targets at a \
+             steady distance, which nothing here tells. They are echoes, flagged \
+             {POSSIBLE_REPEAT}; --outgoing or --response says what the instrument's are",
+            tops.join(", ")
+        )
+    })
 }
 
 /// A response as a line of text.

@@ -37,9 +37,13 @@ pub struct Echo {
     pub width_ns: f64,
     /// Height in σ of the noise.
     pub snr: f64,
-    /// Names of [`Flags`].
+    /// Names of [`Flags`], and [`POSSIBLE_REPEAT`].
     pub flags: Vec<&'static str>,
 }
+
+/// Flag of an echo that may be the instrument's repeat of one before it: nothing in the recording
+/// tells it from a target.
+pub const POSSIBLE_REPEAT: &str = "possible-repeat";
 
 /// Echoes of one row.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -143,8 +147,18 @@ impl Finder {
         found.sort_by_key(|echo| echo.amplitude);
         found.drain(..found.len().saturating_sub(self.options.max_echoes));
         found.sort_by_key(|echo| echo.time);
-        let echoes = found.iter().map(|echo| self.echo(echo, codes)).collect();
+        let echo = |echo| Echo { flags: self.flags(echo, &found), ..self.echo(echo, codes) };
+        let echoes = found.iter().map(echo).collect();
         Waveform { waveform, outgoing_peak_ns: pulse.map(|pulse| self.ns(pulse.time)), echoes }
+    }
+
+    /// Names of an echo's flags.
+    fn flags(&self, echo: &FoundEcho, all: &[FoundEcho]) -> Vec<&'static str> {
+        let may_repeat = self.response.as_ref().is_some_and(|response| {
+            let candidate = |echo: &FoundEcho| (samples(echo.time), echo.amplitude as f64);
+            all.iter().any(|before| response.may_repeat(candidate(before), candidate(echo)))
+        });
+        Flags::names(echo.flags).chain(may_repeat.then_some(POSSIBLE_REPEAT)).collect()
     }
 
     /// The width of an emitted pulse that was not recorded, from the response.
@@ -171,7 +185,7 @@ impl Finder {
             amplitude: shortened(codes.to_units(echo.amplitude)),
             width_ns: self.ns(echo.width),
             snr: rounded(f64::from(echo.snr) / 256.0, 2),
-            flags: Flags::names(echo.flags).collect(),
+            flags: Vec::new(),
         }
     }
 

@@ -44,7 +44,7 @@ mod rows;
 mod scope;
 
 pub use axis::TimeAxis;
-pub use echoes::{Echo, Finder, Options, Waveform};
+pub use echoes::{Echo, Finder, Options, POSSIBLE_REPEAT, Waveform};
 pub use polarity::Polarity;
 pub use read::{parse_waveforms, read_table, read_waveforms};
 pub use response::Response;

@@ -542,6 +542,57 @@ fn the_response_is_told_drawn_written_and_read_again() {
 }
 
 #[test]
+fn two_walls_at_a_steady_distance_are_two_echoes_flagged_and_said() {
+    let fixture = Fixture::new();
+    // Both walls at the same place in every row, or the second a nanosecond nearer or farther.
+    for (distance, level, off) in [(14.0, 0.08, 0.0), (30.0, 0.3, 1.0), (50.0, 0.9, 0.0)] {
+        let row = |k: u32| {
+            let time = 80.0 + f64::from(k * 7 % 10) / 10.0;
+            let second = time + distance + off * (f64::from(k * 13 % 21) / 10.0 - 1.0);
+            let jitter = f64::from(k * 29 % 11);
+            record(240, 200.0, &[(time, 1000.0 + jitter, 6.0), (second, level * 1000.0, 6.0)])
+        };
+        let rows: Vec<Vec<f64>> = (0..60).map(row).collect();
+        let found = echoes(&fixture, &rows, &[]);
+        assert_eq!(count(&found), [2; 60], "{distance} ns apart");
+        assert!(found.iter().all(|waveform| has_flag(waveform, 1, "possible-repeat")));
+        assert!(found.iter().all(|waveform| !has_flag(waveform, 0, "possible-repeat")));
+        let output = fixture.succeed(&["echoes", "waves.csv", "--sample-ns", "1"]);
+        assert!(output.stderr.contains("second targets at a steady distance"), "{}", output.stderr);
+    }
+}
+
+#[test]
+fn the_outgoing_pulse_tells_a_repeat_from_a_second_wall() {
+    let fixture = Fixture::new();
+    let rows: Vec<Vec<f64>> = (0..60u32)
+        .map(|k| {
+            let time = 80.0 + f64::from(k * 7 % 10) / 10.0;
+            record(240, 200.0, &[(time, 1000.0, 6.0), (time + 30.0, 120.0, 6.0)])
+        })
+        .collect();
+    let pulse = |repeat| record(120, 10.0, &[(40.0, 600.0, 6.0), (70.0, repeat, 6.0)]);
+    let with = |fixture: &Fixture, repeat| {
+        fixture.write("out.csv", csv(&[pulse(repeat)]));
+        echoes(fixture, &rows, &["--outgoing", "out.csv"])
+    };
+    assert_eq!(count(&with(&fixture, 72.0)), [1; 60], "it repeats as much itself");
+    let walls = with(&fixture, 0.0);
+    assert_eq!(count(&walls), [2; 60]);
+    assert!(walls.iter().all(|waveform| has_flag(waveform, 1, "possible-repeat")));
+    // Heights that vary would tell the instrument, were it not for the pulse.
+    let varied: Vec<Vec<f64>> = (0..60u32)
+        .map(|k| {
+            let high = 300.0 + 30.0 * f64::from(k * 17 % 60);
+            record(240, 200.0, &[(80.0, high, 6.0), (110.0, 0.12 * high, 6.0)])
+        })
+        .collect();
+    assert_eq!(count(&echoes(&fixture, &varied, &[])), [1; 60]);
+    fixture.write("out.csv", csv(&[pulse(0.0)]));
+    assert_eq!(count(&echoes(&fixture, &varied, &["--outgoing", "out.csv"])), [2; 60]);
+}
+
+#[test]
 fn a_recording_that_shows_no_response_gives_what_it_gave_without_one() {
     let fixture = Fixture::new();
     let rows = [vec![], vec![7.0; 90], record(90, 10.0, &[(30.0, 500.0, 6.0), (52.0, 60.0, 6.0)])];

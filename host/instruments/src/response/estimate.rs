@@ -1,7 +1,9 @@
 //! Estimate of an instrument's response from its own recording.
 
 use super::curve::{Curve, FLAT, Family, PER_WIDTH};
+use super::doubt::take_out;
 use super::fit::{Fit, Part, samples};
+use super::model::Later;
 use super::robust::{beyond, clipped_rms, densest_half, median, sigma_of_magnitudes};
 use super::strong::Strong;
 
@@ -39,6 +41,8 @@ pub(super) struct Estimate {
     pub(super) spread: Vec<f64>,
     /// Number of averaged echoes.
     pub(super) echoes: usize,
+    /// Later tops that may be targets; they are not in the curve.
+    pub(super) doubtful: Vec<Later>,
 }
 
 impl Estimate {
@@ -56,10 +60,12 @@ impl Estimate {
     ///
     /// Where the densest half is wider than noise and a third of its level explain, the records
     /// differ by their targets. Echoes only add, so h is then the lower end of the values: their
-    /// lowest fifth, corrected for noise.
+    /// lowest fifth, corrected for noise. Later tops that may be targets are taken out: see
+    /// [`take_out`].
     ///
-    /// `None` with fewer than `least` echoes.
-    pub(super) fn of(strong: &[Strong], least: usize) -> Option<Self> {
+    /// `pulses` are the emitted pulses, as far as they were recorded. `None` with fewer than
+    /// `least` echoes.
+    pub(super) fn of(strong: &[Strong], least: usize, pulses: &[Strong]) -> Option<Self> {
         let mut narrow = narrow(strong, least)?;
         let width = narrow.iter().map(|s| s.width).sum::<f64>() / narrow.len() as f64;
         let mut estimate = averaged(&narrow, width)?;
@@ -71,6 +77,7 @@ impl Estimate {
             estimate = averaged(&narrow, width)?;
         }
         estimate.refine_lobe(&narrow);
+        estimate.doubtful = take_out(&mut estimate.curve, &mut estimate.spread, strong, pulses);
         Some(estimate)
     }
 
@@ -123,7 +130,8 @@ fn averaged(narrow: &[Strong], width: f64) -> Option<Estimate> {
         (level * (lag + BEFORE).min(AFTER - lag).clamp(0.0, 1.0), spread)
     };
     let (levels, spread) = points.map(level).unzip();
-    Some(Estimate { curve: Curve::normal(levels, step)?, spread, echoes: narrow.len() })
+    let curve = Curve::normal(levels, step)?;
+    Some(Estimate { curve, spread, echoes: narrow.len(), doubtful: Vec::new() })
 }
 
 /// Level and spread of the values at a lag, pulse widths; 0 with too few values.

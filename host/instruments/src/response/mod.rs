@@ -10,6 +10,7 @@
 //! The instrument's response.
 
 mod curve;
+mod doubt;
 mod estimate;
 mod explain;
 mod fit;

@@ -24,6 +24,9 @@ pub struct Response {
     spread: Vec<f64>,
     /// Number of echoes that it is the mean of; `None` when it was given.
     pub echoes: Option<usize>,
+    /// Tops after the strong echoes that may be the instrument's or second targets': nothing in the
+    /// recording tells. They are not in the response.
+    pub doubtful: Vec<Later>,
     /// Noise of a sample in records at rest, in the file's units; 0 when unknown.
     pub noise: f64,
     /// Noise of an echo's height, in the file's units; 0 when unknown.
@@ -57,34 +60,37 @@ pub struct Later {
 }
 
 impl Response {
-    /// Estimates the response from a recording's strong echoes, at least `least`; see
-    /// [`LEAST_ECHOES`].
+    /// Estimates the response from a recording's strong echoes, at least `least`, and the emitted
+    /// pulses, if they were recorded; see [`LEAST_ECHOES`].
     ///
     /// [`LEAST_ECHOES`]: super::LEAST_ECHOES
     ///
     /// # Errors
     ///
     /// [`NoResponse`] when the recording has too few.
-    pub fn of_rows(rows: &Rows, least: usize) -> Result<Self, NoResponse> {
-        Self::of_codes(rows.len(), least, |row| rows.codes(row))
+    pub fn of_rows(rows: &Rows, least: usize, pulses: Option<&Rows>) -> Result<Self, NoResponse> {
+        let pulses = pulses.map(|pulses| strong(pulses.len(), |row| pulses.codes(row)));
+        Self::of_codes(rows.len(), least, |row| rows.codes(row), &pulses.unwrap_or_default())
     }
 
     /// As [`Response::of_rows`], from waveforms in memory.
     pub fn of_waveforms(rows: &[Vec<f64>], least: usize) -> Result<Self, NoResponse> {
         let codes = |row: usize| Codes::from_samples(without_padding(&rows[row]));
-        Self::of_codes(rows.len(), least, codes)
+        Self::of_codes(rows.len(), least, codes, &[])
     }
 
     fn of_codes(
         rows: usize,
         least: usize,
         codes: impl Fn(usize) -> Codes + Sync,
+        pulses: &[Strong],
     ) -> Result<Self, NoResponse> {
         let records = strong(rows, codes);
         let too_few = || NoResponse { found: records.len(), looked: rows.min(ROWS), least };
-        let Estimate { curve, spread, echoes } =
-            Estimate::of(&records, least).ok_or_else(too_few)?;
-        Ok(Self { echoes: Some(echoes), ..Self::new(curve, spread) }.measured(&records))
+        let Estimate { curve, spread, echoes, doubtful } =
+            Estimate::of(&records, least, pulses).ok_or_else(too_few)?;
+        let echoes = Some(echoes);
+        Ok(Self { echoes, doubtful, ..Self::new(curve, spread) }.measured(&records))
     }
 
     /// A response of given level and spread.
@@ -93,6 +99,7 @@ impl Response {
             family: Family::new(curve),
             spread,
             echoes: None,
+            doubtful: Vec::new(),
             noise: 0.0,
             height_noise: 0.0,
             energy: 1.0,
@@ -160,6 +167,15 @@ impl Response {
         self.points().filter(|p| late(p.0)).map(|p| p.1).sum::<f64>() / all
     }
 
+    /// True when an echo (time, height) may repeat one before it, as its doubtful tops do: within a
+    /// third of a width of one's lag, and within a half of its level.
+    pub(crate) fn may_repeat(&self, before: (f64, f64), echo: (f64, f64)) -> bool {
+        self.doubtful.iter().any(|top| {
+            let is_there = (echo.0 - before.0 - top.lag).abs() <= self.width() / 3.0;
+            is_there && (echo.1 / before.1 / top.level - 1.0).abs() <= 0.5
+        })
+    }
+
     /// Tops and valleys after the main lobe that stand out by at least 1 % of its top: the six
     /// highest or deepest, by lag.
     pub fn later(&self) -> Vec<Later> {
@@ -181,7 +197,7 @@ impl Response {
 const LEAST_TURN: f64 = 0.01;
 
 /// Tops and valleys of a curve after a rise or fall of at least [`LEAST_TURN`].
-fn turns(curve: &[Later]) -> Vec<Later> {
+pub(super) fn turns(curve: &[Later]) -> Vec<Later> {
     let Some(mut extreme) = curve.first().copied() else { return Vec::new() };
     // The curve comes down from the lobe, so the first turn is a valley.
     let (mut found, mut rising) = (Vec::new(), false);

@@ -4,7 +4,7 @@ use echoloop_dsp::{Flags, MAX_SAMPLES};
 
 use crate::codes::Codes;
 use crate::finder::baseline::Baseline;
-use crate::finder::{EchoFinder, FinderConfig, samples};
+use crate::finder::{EchoFinder, FinderConfig, FoundEcho, samples};
 
 /// A record and its strongest echo.
 #[derive(Clone, Debug)]
@@ -23,6 +23,8 @@ pub(super) struct Strong {
     pub(super) width: f64,
     /// Time of the first echo at least a fifth as high, samples; lower ones may be noise.
     pub(super) first: f64,
+    /// Lags from it of the other echoes that are at least a fifth as high, samples.
+    pub(super) others: Vec<f64>,
 }
 
 /// Least SNR of an echo that shows the response, Q.8.
@@ -41,6 +43,8 @@ impl Strong {
             return None;
         }
         let (x, sigma) = at_rest(codes);
+        let high = || echoes.iter().filter(|echo| 5 * echo.amplitude > best.amplitude);
+        let lag = |echo: &FoundEcho| samples(echo.time - best.time);
         Some(Self {
             x,
             sigma,
@@ -48,7 +52,8 @@ impl Strong {
             time: samples(best.time),
             height: codes.of_height(best.amplitude),
             width: samples(best.width),
-            first: samples(echoes.iter().find(|echo| 5 * echo.amplitude > best.amplitude)?.time),
+            first: samples(high().next()?.time),
+            others: high().map(lag).filter(|lag| *lag != 0.0).collect(),
         })
     }
 

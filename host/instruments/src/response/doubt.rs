@@ -1,0 +1,113 @@
+//! Later tops of a response that the targets may have made: a second surface at a steady distance
+//! repeats every echo, as an instrument does.
+
+use super::curve::Curve;
+use super::estimate::LOBE;
+use super::model::{Later, turns};
+use super::robust::median;
+use super::strong::Strong;
+
+/// Least ratio of the heights of a recording's strong echoes, the tenth highest to the tenth lowest
+/// of a hundred: what repeats all of them at the same level is the instrument's, for of two
+/// surfaces each has a reflectance of its own. Of less varied ones it is the instrument's where
+/// [`OTHERWISE`] of the records have other echoes elsewhere: the targets differ, and it stays.
+const VARIED: f64 = 2.0;
+const LITTLE_VARIED: f64 = 1.3;
+const OTHERWISE: f64 = 0.1;
+
+/// Greatest level of an instrument's own later top.
+const HIGHEST: f64 = 0.25;
+
+/// Lag from which on tops are looked at, pulse widths.
+const BESIDE: f64 = 0.6;
+
+/// Takes the tops that may be targets out of a response, with the spread that they bring. Returns
+/// them.
+///
+/// ```text
+/// an instrument's   where pulses were recorded as long: theirs has at least half the level
+///                   else level ≤ 1/4, and the heights of the echoes differ: 90 % over 10 % ≥ 2, or
+///                   1.3 where a tenth of the records has other echoes
+/// taken out         h between the valleys on either side of another top: a line
+/// spread            there, and everywhere after the lobe where heights do not differ, at most
+///                   its median after the lobe
+/// ```
+pub(super) fn take_out(
+    curve: &mut Curve,
+    spread: &mut [f64],
+    strong: &[Strong],
+    pulses: &[Strong],
+) -> Vec<Later> {
+    let begin = BESIDE * curve.width;
+    let point = |point: usize| Later { lag: curve.time(point), level: curve.values[point] };
+    let points: Vec<Later> =
+        (curve.zero..curve.values.len()).map(point).filter(|at| at.lag > begin).collect();
+    let turns = turns(&points);
+    let is_varied = is_varied(strong, &turns, curve.width);
+    let beyond = |k: &usize| curve.time(*k) > LOBE * curve.width;
+    let usual =
+        median(&mut (0..spread.len()).filter(beyond).map(|k| spread[k]).collect::<Vec<_>>());
+    if !is_varied {
+        (0..spread.len()).filter(beyond).for_each(|k| spread[k] = spread[k].min(usual));
+    }
+    let is_instrument = |top: &Later| match level_of(pulses, top.lag) {
+        Some(level) => level >= top.level / 2.0,
+        None => is_varied && top.level <= HIGHEST,
+    };
+    let mut doubtful = Vec::new();
+    for (k, top) in turns.iter().enumerate() {
+        let [before, after] = [k.checked_sub(1), Some(k + 1)].map(|k| turns.get(k?));
+        let is_top = |beside: Option<&Later>| beside.is_none_or(|turn| turn.level < top.level);
+        if top.level <= 0.0 || !is_top(before) || !is_top(after) || is_instrument(top) {
+            continue;
+        }
+        let between =
+            before.map_or(begin, |turn| turn.lag)..=after.map_or(f64::MAX, |turn| turn.lag);
+        let beside = |at: &&Later| between.contains(&at.lag);
+        let (left, right): (Vec<&Later>, Vec<&Later>) =
+            points.iter().filter(beside).partition(|at| at.lag <= top.lag);
+        let valley = |side: Vec<&Later>| {
+            side.into_iter().min_by(|a, b| a.level.total_cmp(&b.level)).copied()
+        };
+        if let Some((from, to)) = valley(left).zip(valley(right)) {
+            level_out(curve, spread, usual, [from, to]);
+            doubtful.push(*top);
+        }
+    }
+    doubtful
+}
+
+/// Replaces the levels between two points by a line, and holds the spread there to the usual one.
+fn level_out(curve: &mut Curve, spread: &mut [f64], usual: f64, [from, to]: [Later; 2]) {
+    let point = |lag: f64| (lag / curve.step).round() as usize + curve.zero;
+    let (first, last) = (point(from.lag), point(to.lag));
+    for k in first..=last.min(curve.values.len() - 1) {
+        let share = (k - first) as f64 / (last - first).max(1) as f64;
+        curve.values[k] = from.level + share * (to.level - from.level);
+        if let Some(spread) = spread.get_mut(k) {
+            *spread = spread.min(usual);
+        }
+    }
+}
+
+/// Median level of emitted pulses at a lag; `None` where less than half of them was recorded so
+/// long, or none was.
+fn level_of(pulses: &[Strong], lag: f64) -> Option<f64> {
+    let mut levels: Vec<f64> =
+        pulses.iter().filter_map(|pulse| pulse.at(pulse.time + lag)).collect();
+    (!levels.is_empty() && 2 * levels.len() >= pulses.len()).then(|| median(&mut levels))
+}
+
+/// True when the targets differ so much from record to record that what all have is the
+/// instrument's.
+fn is_varied(strong: &[Strong], turns: &[Later], width: f64) -> bool {
+    let mut heights: Vec<f64> = strong.iter().map(|s| s.height * s.unit).collect();
+    heights.sort_by(f64::total_cmp);
+    let tenth = heights.len() / 10;
+    let ratio = heights[heights.len() - 1 - tenth] / heights[tenth];
+    let is_elsewhere =
+        |lag: &f64| turns.iter().all(|turn| (lag.abs() - turn.lag).abs() > width / 2.0);
+    let otherwise = strong.iter().filter(|s| s.others.iter().any(is_elsewhere)).count();
+    let is_otherwise = otherwise as f64 >= OTHERWISE * strong.len() as f64;
+    ratio >= if is_otherwise { LITTLE_VARIED } else { VARIED }
+}
