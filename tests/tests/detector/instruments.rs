@@ -10,9 +10,10 @@
 //! constants.
 
 use std::ops::Range;
+use std::path::Path;
 
 use echoloop_instruments::response::LEAST_ECHOES;
-use echoloop_instruments::{Finder, Options, Response};
+use echoloop_instruments::{Finder, Options, Response, parse_waveforms};
 use echoloop_tests::instruments::{Instrument, KINDS, Kind, LocalMaxima, Record, Score};
 
 /// Records per instrument, in the test and in the long version.
@@ -118,6 +119,29 @@ fn the_response_halves_extra_echoes_keeps_single_ones_single_and_loses_none() {
         assert!(recall(&ours) > recall(&before).max(recall(&plain)), "{name}: recall");
         assert!(recall(&ours) > 0.94, "{name}: recall");
         assert!(value(&ours, Score::single) > 0.92, "{name}: single echoes");
+    }
+}
+
+#[test]
+fn records_are_rows_of_rising_echoes_and_nothing_is_missing() {
+    for (name, kind) in KINDS {
+        for seed in SEEDS.start..SEEDS.start + 12 {
+            let rows = Recording::of(kind, seed, 20).rows;
+            let line = |row: &Vec<f64>| {
+                row.iter().map(f64::to_string).collect::<Vec<_>>().join(",") + "\n"
+            };
+            let of_file = |turned: &dyn Fn(f64) -> f64| {
+                let turned: Vec<Vec<f64>> =
+                    rows.iter().map(|row| row.iter().map(|&v| turned(v)).collect()).collect();
+                let text: String = turned.iter().map(line).collect();
+                parse_waveforms(Path::new("waves.csv"), text.into()).expect("rows")
+            };
+            let rising = of_file(&|value| value).with_polarity(None);
+            assert_eq!((rising.len(), rising.remarks().len()), (20, 0), "{name} {seed}");
+            // As of an instrument whose receiver inverts.
+            let falling = of_file(&|value| 16_000.0 - value).with_polarity(None);
+            assert_eq!(falling.remarks().len(), 1, "{name} {seed}: {:?}", falling.remarks());
+        }
     }
 }
 
