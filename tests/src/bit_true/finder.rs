@@ -246,10 +246,11 @@ struct Top {
     first: usize,
     height: f64,
     flat: bool,
+    clipped: bool,
     inside: bool,
 }
 
-fn climb(y: &[f64], start: usize, reach: usize, flat: f64) -> Top {
+fn climb(y: &[f64], start: usize, reach: usize, [flat, code, highest]: [f64; 3]) -> Top {
     let at = |i: i64| {
         usize::try_from(i).ok().and_then(|i| y.get(i)).copied().unwrap_or(f64::NEG_INFINITY)
     };
@@ -262,25 +263,37 @@ fn climb(y: &[f64], start: usize, reach: usize, flat: f64) -> Top {
         i += if before >= after { -1 } else { 1 };
     }
     let height = at(i);
-    let (mut a, mut b) = (i, i);
-    while at(a - 1) == height {
-        a -= 1;
-    }
-    while at(b + 1) == height {
-        b += 1;
-    }
-    let inner = a > 0 && (b as usize) + 1 < y.len();
-    let length = (b - a + 1) as f64;
-    let drop = 2.0 * height - at(a - 1) - at(b + 1);
+    let run = |is_like: &dyn Fn(f64) -> bool| {
+        let (mut a, mut b) = (i, i);
+        while is_like(at(a - 1)) {
+            a -= 1;
+        }
+        while is_like(at(b + 1)) {
+            b += 1;
+        }
+        (a, b)
+    };
+    let is_inner = |(a, b): (i64, i64)| a > 0 && (b as usize) + 1 < y.len();
+    let is_flat = |(a, b): (i64, i64), value: f64, times: f64| {
+        let length = (b - a + 1) as f64;
+        let drop = 2.0 * value - at(a - 1) - at(b + 1);
+        is_inner((a, b))
+            && length >= 3.0
+            && drop * (length - 1.0).powi(2) > 2.0 * times * flat * (length + 1.0).powi(2)
+    };
+    let limit = highest - 3.0 * code;
+    let wide = run(&|v| v >= limit);
+    let wavers = height >= limit && is_flat(wide, highest, 4.0);
+    let (a, b) = if wavers { wide } else { run(&|v| v == height) };
+    let inner = is_inner((a, b));
     let time = match a == b {
         false => q16((a + b) as f64 / 2.0),
         true if inner => q16(a as f64) + vertex(at(a - 1), height, at(a + 1)),
         true => q16(a as f64),
     };
-    let is_flat = inner
-        && length >= 3.0
-        && drop * (length - 1.0).powi(2) > 2.0 * flat * (length + 1.0).powi(2);
-    Top { time, first: a as usize, height, flat: is_flat, inside: inner }
+    let is_flat = wavers || is_flat((a, b), height, 1.0);
+    let clipped = is_flat && (wavers || height == highest);
+    Top { time, first: a as usize, height, flat: is_flat, clipped, inside: inner }
 }
 
 fn vertex(before: f64, here: f64, after: f64) -> f64 {
@@ -418,13 +431,14 @@ impl<'a> Seen<'a> {
     ) -> Option<Echo> {
         let Self { record, y, prominence, .. } = self;
         let reach = (record.pulse / 2.0).floor().max(1.0) as usize;
-        let top = climb(y, peak.index, reach, prominence.max(2.0 * record.code));
+        let limits = [prominence.max(2.0 * record.code), record.code, self.top];
+        let top = climb(y, peak.index, reach, limits);
         if !top.inside || top.height <= 0.0 {
             return None;
         }
         let sides = [-1, 1].map(|direction| crossing(y, &top, *prominence, direction));
         let mut flags = sides.iter().filter_map(|side| side.err()).fold(0, |all, why| all | why);
-        if top.flat && top.height == self.top {
+        if top.clipped {
             flags |= SATURATED;
         }
         if 4.0 * peak.height < 5.0 * sharpened.level {

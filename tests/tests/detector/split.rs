@@ -115,7 +115,13 @@ fn record(seed: u64) -> (Vec<u16>, FinderConfig) {
     let sigma = [0.0, 0.3, top / 500.0, top / 40.0][rng.random_range(0..4)];
     let ambient = top * rng.random_range(0.0..0.2);
     let codes = waveform(&mut rng, samples, width, &echoes, sigma);
-    let codes = codes.iter().map(|v| (v + ambient).round().clamp(0.0, top) as u16).collect();
+    // A converter's last steps waver in every fourth record.
+    let waver = if seed % 4 == 1 { 5 } else { 1 };
+    let code = |v: &f64| match (v + ambient).round().clamp(0.0, top) {
+        clipped if clipped == top => clipped as u16 - rng.random_range(0..waver),
+        code => code as u16,
+    };
+    let codes = codes.iter().map(code).collect();
     let mut ring = || (rng.random_range(0..40 << 16), rng.random_range(0..1 << 14));
     let mut ringing = [(0, 0); RINGS];
     ringing[..2].copy_from_slice(&[ring(), ring()]);

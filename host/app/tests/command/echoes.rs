@@ -131,6 +131,25 @@ fn a_clipped_top_s_time_is_its_middle_and_it_is_flagged() {
 }
 
 #[test]
+fn a_clipped_top_that_wavers_is_one_echo_at_its_middle() {
+    let fixture = Fixture::new();
+    let row = |k: usize| {
+        let time = 50.0 + k as f64 / 10.0;
+        let clipped = |(n, v): (usize, &f64)| match v.min(249.0) {
+            top if top == 249.0 => top - ((7 * n + 3 * k) % 4) as f64,
+            v => v,
+        };
+        record(120, 12.0, &[(time, 900.0, 7.0)]).iter().enumerate().map(clipped).collect()
+    };
+    let rows: Vec<Vec<f64>> = (0..10).map(row).collect();
+    for (k, found) in echoes(&fixture, &rows, &[]).iter().enumerate() {
+        let times = numbers(found, "time_ns");
+        assert!(times.len() == 1 && has_flag(found, 0, "saturated"), "{found}");
+        assert!((times[0] - 50.0 - k as f64 / 10.0).abs() <= 0.5, "{found}");
+    }
+}
+
+#[test]
 fn a_plateau_below_the_top_is_timed_by_its_middle_without_the_flag() {
     let fixture = Fixture::new();
     let mut row = vec![5.0; 60];

@@ -264,6 +264,7 @@ impl Context<'_> {
             y,
             prominence: two_sigma,
             flat: two_sigma.max(2 << self.search.code_shift.clamp(1, 7)),
+            waver: 3 << self.search.code_shift.clamp(1, 7),
             top,
         }
     }

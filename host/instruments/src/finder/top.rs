@@ -17,6 +17,9 @@ pub struct View<'a> {
     /// Least drop that a parabola of the same edges would have inside a plateau for it to be flat,
     /// Q1.15.
     pub flat: i32,
+    /// Greatest difference of two samples of a clipped top, Q1.15: three codes, as a converter's
+    /// last steps waver.
+    pub waver: i32,
     /// The highest value of the record, Q1.15.
     pub top: i16,
 }
@@ -34,7 +37,7 @@ pub struct Top {
     pub inside: bool,
     /// True when it is flat as only a limit makes it.
     pub flat: bool,
-    /// True when it is flat at the record's highest value.
+    /// True when it is flat at the record's highest value, but for a waver.
     pub clipped: bool,
 }
 
@@ -57,14 +60,17 @@ impl View<'_> {
     /// ```text
     /// climb    towards the higher neighbour (ties to the earlier), at most `reach` samples
     /// run      a..b, the equal samples around where it ends; L = b − a + 1
+    ///          within a waver of the record's highest, t: those within a waver of t, if they are
+    ///          four times as flat with t for y
     /// time     L = 1: index + δ, δ the parabola's vertex; else (a + b)/2              Q16.16
-    /// drop     D = (y[a] − y[a − 1]) + (y[b] − y[b + 1]), of the inner neighbours
+    /// drop     D = (y − y[a − 1]) + (y − y[b + 1]), y the value there
     /// flat     L ≥ 3 and D·(L − 1)² > 2·flat·(L + 1)²
     /// ```
     ///
     /// `δ = (y₋ − y₊) / (2 (y₋ − 2y₀ + y₊))`, Q16.16, nearest, within ±½; 0 at an end of the
     /// record. A run at an end of the record is not flat. The last line: a parabola through the
-    /// samples beside the plateau would drop by D/2·(L − 1)²/(L + 1)² inside it.
+    /// samples beside the plateau would drop by D/2·(L − 1)²/(L + 1)² inside it. Inside a run of a
+    /// waver it drops by three codes, one and a half times `flat`.
     pub fn climb(&self, start: usize, reach: usize) -> Top {
         let mut index = start.min(self.y.len().saturating_sub(1));
         for _ in 0..reach {
@@ -83,18 +89,26 @@ impl View<'_> {
     /// The top at a sample.
     fn top(&self, index: usize) -> Top {
         let height = self.y.get(index).copied().unwrap_or_default();
-        let equal = |v: &&i16| **v == height;
-        let before = self.y.get(..index).unwrap_or_default().iter().rev().take_while(equal).count();
-        let after =
-            self.y.get(index..).unwrap_or_default().iter().skip(1).take_while(equal).count();
-        let (first, last) = (index - before, index + after);
-        let flat = self.is_flat(first, last, i64::from(height));
+        let limit = i32::from(self.top) - self.waver;
+        let (a, b) = self.run(index, |v| i32::from(v) >= limit);
+        let wavers = i32::from(height) >= limit && self.is_flat(a, b, i64::from(self.top), 4);
+        let (first, last) = if wavers { (a, b) } else { self.run(index, |v| v == height) };
+        let flat = wavers || self.is_flat(first, last, i64::from(height), 1);
         let time = match last - first {
             0 => ((index as i64) << 16) + self.vertex(index),
             _ => ((first + last) as i64) << 15,
         };
         let inside = first > 0 && last + 1 < self.y.len();
-        Top { time, index: first, height, inside, flat, clipped: flat && height == self.top }
+        let clipped = flat && (wavers || height == self.top);
+        Top { time, index: first, height, inside, flat, clipped }
+    }
+
+    /// First and last of the samples around one that are alike.
+    fn run(&self, index: usize, is_like: impl Fn(i16) -> bool) -> (usize, usize) {
+        let like = |v: &&i16| is_like(**v);
+        let before = self.y.get(..index).unwrap_or_default().iter().rev().take_while(like).count();
+        let after = self.y.get(index..).unwrap_or_default().iter().skip(1).take_while(like).count();
+        (index - before, index + after)
     }
 
     fn vertex(&self, index: usize) -> i64 {
@@ -104,7 +118,7 @@ impl View<'_> {
         divide_round((before - after) << 15, before - 2 * here + after).clamp(-0x8000, 0x8000)
     }
 
-    fn is_flat(&self, first: usize, last: usize, height: i64) -> bool {
+    fn is_flat(&self, first: usize, last: usize, height: i64, times: i64) -> bool {
         let length = (last - first + 1) as i64;
         let (Some(before), Some(after)) =
             (first.checked_sub(1).and_then(|i| self.value(i)), self.value(last + 1))
@@ -112,7 +126,8 @@ impl View<'_> {
             return false;
         };
         let drop = 2 * height - before - after;
-        length >= 3 && drop * (length - 1).pow(2) > 2 * i64::from(self.flat) * (length + 1).pow(2)
+        let least = 2 * times * i64::from(self.flat);
+        length >= 3 && drop * (length - 1).pow(2) > least * (length + 1).pow(2)
     }
 
     /// Full width at half of a top's height (rounded down), linear between samples.
@@ -136,7 +151,8 @@ impl View<'_> {
     fn crossing(&self, top: &Top, direction: isize) -> (Option<i64>, Flags) {
         let height = i64::from(top.height);
         let (half, rise) = (height >> 1, i64::from(self.prominence).max(height >> 4));
-        let (mut index, mut inner, mut valley) = (top.index, height, height);
+        let mut inner = self.value(top.index).unwrap_or(height);
+        let (mut index, mut valley) = (top.index, height);
         loop {
             let next = index.checked_add_signed(direction);
             let Some((next, value)) = next.and_then(|next| Some((next, self.value(next)?))) else {
@@ -160,7 +176,13 @@ mod tests {
     use super::*;
 
     fn view(y: &[i16]) -> View<'_> {
-        View { y, prominence: 1, flat: 2, top: y.iter().copied().max().unwrap_or_default() }
+        View {
+            y,
+            prominence: 1,
+            flat: 2,
+            waver: 0,
+            top: y.iter().copied().max().unwrap_or_default(),
+        }
     }
 
     #[test]
@@ -175,6 +197,22 @@ mod tests {
         assert!(!view(&[0, 60, 85, 89, 90, 90, 90, 89, 84, 50, 0]).climb(3, 9).flat);
         let low = View { top: 200, ..view(&[0, 10, 60, 90, 90, 90, 50, 0]) }.climb(3, 9);
         assert!(low.flat && !low.clipped);
+    }
+
+    #[test]
+    fn a_clipped_top_that_wavers_is_one_plateau() {
+        let y = [0, 12, 231, 249, 247, 249, 250, 249, 106, 12, 0];
+        for start in 3..8 {
+            let top = View { waver: 3, ..view(&y) }.climb(start, 2);
+            assert_eq!((top.time, top.clipped), (5 << 16, true), "from {start}");
+        }
+        // A broad top has samples as close to each other, and the next are hardly lower.
+        let broad = [0, 90, 180, 220, 240, 247, 249, 250, 249, 247, 240, 220, 180, 90, 0];
+        let top = View { waver: 3, ..view(&broad) }.climb(7, 2);
+        assert_eq!((top.time, top.flat), (7 << 16, false));
+        // Nor is one below the record's highest clipped.
+        let low = View { waver: 3, top: 900, ..view(&y) }.climb(4, 2);
+        assert!(!low.clipped);
     }
 
     #[test]
