@@ -34,6 +34,12 @@ const HEAD: &str = "\
 |---|---|---|---|---|---|---|---|---|
 ";
 
+const SUMMARY: &str = "
+| both together to | places | less error | more error | smaller root | larger root \
+| larger plain mean | fewer pairs found |
+|---|---|---|---|---|---|---|---|
+";
+
 /// For each condition a summary, and a table for each method with the scenes' rows.
 pub(super) fn tables(lines: &[Line<Run>]) -> String {
     let mut text = String::new();
@@ -69,9 +75,7 @@ fn summary(lines: &[&Line<Run>]) -> String {
     if places.is_empty() {
         return String::new();
     }
-    let mut text = "\n| both together to | places | less error | more error | smaller root | larger \
-                    root | larger plain mean | fewer pairs found |\n|---|---|---|---|---|---|---|---|\n"
-        .to_owned();
+    let mut text = SUMMARY.to_owned();
     for control in CONTROLS {
         let all: Vec<Compared> =
             places.iter().filter_map(|place| compared(place, control)).collect();
