@@ -35,7 +35,7 @@ impl Rows {
         let width = if count == 0 { 0 } else { self.row_len(0) };
         let is_table = (1..count).all(|row| self.row_len(row) == width);
         if is_table && count >= 3 && width == 1 {
-            return Self::of_column(self.column(0));
+            return Self::of_column(self.into_numbers());
         }
         if is_table && width > 1 && count >= LEAST {
             // A row of two numbers is no waveform, so that rounding is forgiven.
@@ -63,7 +63,8 @@ impl Rows {
     /// The one waveform of a file with a value a line.
     pub(super) fn of_column(samples: Vec<f64>) -> Self {
         let remark = format!("a value a line: one waveform of {} samples", samples.len());
-        Self::of_rows([samples]).with_remark(remark)
+        let ends = vec![samples.len() as u32];
+        Self::of_text(samples, ends).with_remark(remark)
     }
 
     /// Waveforms beside a time axis.

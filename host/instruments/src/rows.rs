@@ -107,6 +107,18 @@ impl Rows {
         self.len() == 0
     }
 
+    /// All numbers as the file has them, row by row, without a second copy of a text's.
+    pub(super) fn into_numbers(self) -> Vec<f64> {
+        match self.stored {
+            Stored::Text { numbers, .. } => numbers,
+            Stored::Array(array) => {
+                let mut numbers = Vec::with_capacity(array.rows() * array.columns());
+                (0..array.rows()).for_each(|row| numbers.extend(array.row(row)));
+                numbers
+            }
+        }
+    }
+
     /// Number of numbers of a row that exists.
     pub(super) fn row_len(&self, row: usize) -> usize {
         match &self.stored {
