@@ -1,5 +1,6 @@
 //! Direction of the echoes of a recording.
 
+use super::response::robust::sigma_of_magnitudes;
 use super::rows::Rows;
 
 /// Direction of echoes from the ambient.
@@ -57,9 +58,7 @@ fn of_row(row: &[f64]) -> Option<Polarity> {
     })?;
     let rest = sorted[narrowest] / 2.0 + sorted[narrowest + third] / 2.0;
     let mut steps: Vec<f64> = present.windows(2).map(|two| (two[1] - two[0]).abs()).collect();
-    steps.sort_by(f64::total_cmp);
-    let median = steps.get(steps.len() / 2).copied()?;
-    let noise = (median / 2f64.sqrt() / 0.6745).max((greatest - least) / 1e3);
+    let noise = (sigma_of_magnitudes(&mut steps) / 2f64.sqrt()).max((greatest - least) / 1e3);
     let (rise, fall) = (greatest - rest, rest - least);
     if rise.max(fall) < CLEAR * noise || rise.max(fall) <= 0.0 {
         return None;

@@ -8,7 +8,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::PROOF;
 use super::record::Run;
-use super::table::{LEAST_RUNS, of, of_place, to};
+use super::table::{LEAST_RUNS, mean_of, of, of_place, title, to};
 use crate::record::three_digits;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -95,10 +95,9 @@ fn controls(lines: &[&Line<Run>]) -> Result<String> {
 fn found(lines: &[&Line<Run>]) -> Result<String> {
     let marks = |lines: &[&Line<Run>]| {
         let mark = |(k, &(row, colour)): (usize, &(&str, RGBColor))| {
-            let own: Vec<f64> = of(lines, row).map(|line| line.result.tuned.recall_pct).collect();
-            let at = own.iter().sum::<f64>() / own.len() as f64;
+            let at = mean_of(lines, row, &|run| run.tuned.recall_pct);
             let off = 0.14 * (k as f64 - 2.0);
-            (!own.is_empty()).then_some(Mark { at, interval: None, is_full: true, off, colour })
+            at.is_finite().then_some(Mark { at, interval: None, is_full: true, off, colour })
         };
         FOUND.iter().enumerate().filter_map(mark).collect()
     };
@@ -198,8 +197,7 @@ fn rows(
 }
 
 fn titled((row, colour): (&str, RGBColor)) -> Key {
-    let choice = PROOF.values("tuned").iter().find(|choice| choice.name == row);
-    (choice.map_or(row, Choice::title).to_owned(), colour)
+    (title(row).to_owned(), colour)
 }
 
 /// Rows of marks above one axis.

@@ -1,5 +1,6 @@
 //! Tables of the proof's page.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use echoloop_campaign::{Choice, Line};
@@ -76,10 +77,13 @@ fn summary(lines: &[&Line<Run>]) -> String {
         return String::new();
     }
     let mut text = SUMMARY.to_owned();
+    let of_control = |control| places.iter().map(|place| compared(place, control)).collect();
+    let of_controls: BTreeMap<&str, Vec<Option<Compared>>> =
+        CONTROLS.into_iter().map(|control| (control, of_control(control))).collect();
     for control in CONTROLS {
-        let all: Vec<Compared> =
-            places.iter().filter_map(|place| compared(place, control)).collect();
-        let count = |is_it: fn(&Compared) -> bool| all.iter().filter(|one| is_it(one)).count();
+        let all: Vec<&Compared> = of_controls[control].iter().flatten().collect();
+        let count =
+            |is_it: fn(&Compared) -> bool| all.iter().copied().filter(|one| is_it(one)).count();
         if !all.is_empty() {
             let _ = writeln!(
                 text,
@@ -96,13 +100,11 @@ fn summary(lines: &[&Line<Run>]) -> String {
         }
     }
     let shown = |of: fn(&Compared) -> &Estimate| {
-        let less = |place: &&Vec<&Line<Run>>| {
-            let less = |control: &str| {
-                compared(place, control).is_some_and(|one| of(&one).interval[1] < 0.0)
-            };
-            REQUIRED.into_iter().all(less)
-        };
-        places.iter().filter(less).count()
+        let less =
+            |one: &Option<Compared>| one.as_ref().is_some_and(|one| of(one).interval[1] < 0.0);
+        let all =
+            |place: &usize| REQUIRED.iter().all(|control| less(&of_controls[control][*place]));
+        (0..places.len()).filter(all).count()
     };
     let (by_ratio, by_root) = (shown(|one| &one.ratio), shown(|one| &one.root));
     let names = REQUIRED.map(title).join("; ");
@@ -133,7 +135,8 @@ fn sensors(lines: &[&Line<Run>]) -> [usize; 2] {
     [own.count(), both().filter(|line| is_that_of(line, "hand")).count()]
 }
 
-fn title(row: &str) -> &str {
+/// Title of a row of the plan.
+pub(super) fn title(row: &str) -> &str {
     PROOF.values("tuned").iter().find(|value| value.name == row).map_or(row, Choice::title)
 }
 
@@ -145,13 +148,14 @@ fn row(text: &mut String, scene: &str, tuned: &Choice, lines: &[&Line<Run>]) {
     let found: Vec<f64> = own.iter().filter_map(|run| run.tuned.mean_cm).collect();
     let mean_cm = match found.len() {
         0 => "–".to_owned(),
-        runs => format!("{:.2} cm", found.iter().sum::<f64>() / runs as f64),
+        _ => format!("{:.2} cm", mean(&found)),
     };
     let worst = own.iter().filter_map(|run| run.tuned.worst_cm).max_by(f64::total_cmp);
     // What is put together of others' choices cost what they did.
     let rows = || [&*tuned.name].into_iter().chain(parts(&tuned.name).iter().copied());
-    let of_all =
-        |value: &dyn Fn(&Run) -> f64| -> f64 { rows().map(|row| mean_of(lines, row, value)).sum() };
+    let of_all = |value: &dyn Fn(&Run) -> f64| -> f64 {
+        rows().map(|row| mean_of(lines, row, value)).filter(|mean| mean.is_finite()).sum()
+    };
     let searched = match of_all(&|run| run.registrations as f64) {
         0.0 => "–".to_owned(),
         some => format!("{some:.0}"),
@@ -168,10 +172,9 @@ fn row(text: &mut String, scene: &str, tuned: &Choice, lines: &[&Line<Run>]) {
     );
 }
 
-/// Mean over a row's runs; 0 without any.
-fn mean_of(lines: &[&Line<Run>], row: &str, value: &dyn Fn(&Run) -> f64) -> f64 {
-    let values: Vec<f64> = of(lines, row).map(|line| value(&line.result)).collect();
-    if values.is_empty() { 0.0 } else { mean(&values) }
+/// Mean over a row's runs; NaN without any.
+pub(super) fn mean_of(lines: &[&Line<Run>], row: &str, value: &dyn Fn(&Run) -> f64) -> f64 {
+    mean(&of(lines, row).map(|line| value(&line.result)).collect::<Vec<f64>>())
 }
 
 /// Ratio of both together to a row, of the seeds that have both, as its logarithm.

@@ -90,9 +90,11 @@ impl View<'_> {
     fn top(&self, index: usize) -> Top {
         let height = self.y.get(index).copied().unwrap_or_default();
         let limit = i32::from(self.top) - self.waver;
-        let (a, b) = self.run(index, |v| i32::from(v) >= limit);
-        let wavers = i32::from(height) >= limit && self.is_flat(a, b, i64::from(self.top), 4);
-        let (first, last) = if wavers { (a, b) } else { self.run(index, |v| v == height) };
+        let wavering = (i32::from(height) >= limit)
+            .then(|| self.run(index, |v| i32::from(v) >= limit))
+            .filter(|&(first, last)| self.is_flat(first, last, i64::from(self.top), 4));
+        let (first, last) = wavering.unwrap_or_else(|| self.run(index, |v| v == height));
+        let wavers = wavering.is_some();
         let flat = wavers || self.is_flat(first, last, i64::from(height), 1);
         let time = match last - first {
             0 => ((index as i64) << 16) + self.vertex(index),

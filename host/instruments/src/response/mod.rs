@@ -15,7 +15,7 @@ mod estimate;
 mod explain;
 mod fit;
 mod model;
-mod robust;
+pub(super) mod robust;
 mod strong;
 mod text;
 

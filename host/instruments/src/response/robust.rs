@@ -10,7 +10,7 @@ pub(super) fn median(values: &mut [f64]) -> f64 {
 pub(super) const MEDIAN_TO_SIGMA: f64 = 1.4826;
 
 /// σ of normal values whose magnitudes are given. Sorts them.
-pub(super) fn sigma_of_magnitudes(magnitudes: &mut [f64]) -> f64 {
+pub(crate) fn sigma_of_magnitudes(magnitudes: &mut [f64]) -> f64 {
     MEDIAN_TO_SIGMA * median(magnitudes)
 }
 
