@@ -18,6 +18,7 @@ use std::path::Path;
 use echoloop_dsp::loops::{Portable, Scalar};
 use echoloop_dsp::settings::PARAMETERS;
 use echoloop_dsp::{Grid, Hardware, Pipeline, ScanPattern, Scratch, Settings};
+use echoloop_instruments::finder::colour::{Colour, LAGS};
 use echoloop_instruments::finder::{EchoFinder, FinderConfig, Pulse};
 use echoloop_instruments::{Finder, Options, parse_waveforms};
 use echoloop_link::{
@@ -386,8 +387,19 @@ fn record(draw: &mut Draw<'_>) {
     let (min_separation, echoes) = (u32::from(draw.byte()), usize::from(draw.below(40)));
     let outgoing: Vec<u16> = draw.bytes().into_iter().map(u16::from).collect();
     let pulse = Pulse::from_record(&mut finder, &outgoing, code_shift);
-    let search =
-        FinderConfig { code_shift, snr_threshold: threshold, floor, min_separation, echoes, pulse };
+    let colour = (draw.below(2) == 0).then(|| Colour {
+        ratio: 16 + draw.word() % 4_080,
+        correlation: [0; LAGS].map(|_| draw.word() as i16),
+    });
+    let search = FinderConfig {
+        code_shift,
+        snr_threshold: threshold,
+        floor,
+        min_separation,
+        echoes,
+        pulse,
+        colour,
+    };
     let codes = draw.codes();
     let found = finder.echoes(&codes, &search);
     let end = (codes.len() as i64) << 16;

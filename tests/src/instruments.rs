@@ -41,7 +41,8 @@ pub struct Instrument {
     pub after: Vec<(f64, f64)>,
     ambient: f64,
     most: f64,
-    sigma: f64,
+    /// Noise of a sample.
+    pub sigma: f64,
     /// σ of the Gaussian that correlates the noise; 0: white noise.
     correlation: f64,
     drift: f64,

@@ -12,7 +12,9 @@ use super::common::{Common, on_threads};
 use super::exit::{Failure, print};
 use super::number::{ANY, number_as};
 use super::response::{ResponseArgs, doubt_line, response_line};
-use echoloop_instruments::{Finder, Options, Polarity, Rows, Waveform, echoes, read_waveforms};
+use echoloop_instruments::{
+    Finder, Noise, Options, Polarity, Rows, Waveform, echoes, read_waveforms,
+};
 
 /// Flags of `echoes`.
 #[derive(Clone, Debug, Args)]
@@ -81,8 +83,14 @@ pub(super) fn run(args: &EchoesArgs) -> Result<(), Failure> {
     let outgoing =
         outgoing.map(|path| outgoing_rows(args, path, rows.len(), sample_ns)).transpose()?;
     on_threads(args.common.threads, || {
-        let response =
-            args.response.find(&rows, outgoing.as_ref(), sample_ns, args.common.quiet)?;
+        let noise = Noise::of_rows(&rows);
+        let response = args.response.find(
+            &rows,
+            outgoing.as_ref(),
+            noise.clone(),
+            sample_ns,
+            args.common.quiet,
+        )?;
         if let Some(response) = &response {
             outputs.write(response, &args.waves, sample_ns)?;
             if !args.common.quiet {
@@ -90,7 +98,7 @@ pub(super) fn run(args: &EchoesArgs) -> Result<(), Failure> {
                 doubt_line(response, sample_ns).into_iter().for_each(say);
             }
         }
-        print_all(args, &finder.with_response(response), &rows, outgoing.as_ref())
+        print_all(args, &finder.with_noise(noise).with_response(response), &rows, outgoing.as_ref())
     })?
 }
 
@@ -101,17 +109,29 @@ fn print_all(
     rows: &Rows,
     outgoing: Option<&Rows>,
 ) -> Result<(), Failure> {
-    let (json, mut echoes) = (args.common.json, 0);
+    let (json, mut echoes, mut false_alarms) = (args.common.json, 0, 0.0);
     print(if json { "" } else { HEADING })?;
     for start in (0..rows.len()).step_by(AT_A_TIME) {
         let part = start..(start + AT_A_TIME).min(rows.len());
         let found = finder.find_some(rows, outgoing, part);
         print(&if json { lines(&found)? } else { table(&found) })?;
+        false_alarms += found.iter().map(|waveform| waveform.false_alarms).sum::<f64>();
         echoes += found.iter().map(|waveform| waveform.echoes.len()).sum::<usize>();
+    }
+    if !args.common.quiet {
+        say(format_args!("noise alone would make {} echoes", few(false_alarms)));
     }
     match json {
         true => Ok(()),
         false => print(&format!("{echoes} echoes in {} waveforms\n", rows.len())),
+    }
+}
+
+/// A small expected number, to two digits.
+fn few(expected: f64) -> String {
+    match expected {
+        0.01.. => format!("{expected:.2}"),
+        _ => "less than 0.01".into(),
     }
 }
 

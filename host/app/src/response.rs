@@ -10,7 +10,7 @@ use super::number::{flag, number_as};
 use echoloop_closed_loop::run_folder::files::Output;
 use echoloop_files::say;
 use echoloop_instruments::response::{LEAST_ECHOES, Later, NoResponse, Response};
-use echoloop_instruments::{POSSIBLE_REPEAT, Rows, read_table};
+use echoloop_instruments::{Noise, POSSIBLE_REPEAT, Rows, read_table};
 use echoloop_report::ResponsePage;
 
 /// Flags that read, estimate or write the response.
@@ -58,6 +58,7 @@ impl ResponseArgs {
         &self,
         rows: &Rows,
         outgoing: Option<&Rows>,
+        noise: Option<Noise>,
         sample_ns: f64,
         quiet: bool,
     ) -> Result<Option<Response>, Failure> {
@@ -66,9 +67,9 @@ impl ResponseArgs {
             (Some(path), _) => {
                 let points = read_table(path).map_err(Failure::usage)?;
                 let given = Response::of_points(path, &points, sample_ns);
-                Ok(given.map_err(Failure::usage)?.with_noise_of(rows))
+                Ok(given.map_err(Failure::usage)?.with_noise(noise))
             }
-            (None, _) => Response::of_rows(rows, self.least_echoes, outgoing),
+            (None, _) => Response::of_rows(rows, self.least_echoes, outgoing, noise),
         };
         match found {
             Ok(response) => Ok(Some(response)),
@@ -141,9 +142,9 @@ fn facts(response: &Response, sample_ns: f64) -> Vec<(String, String)> {
         Some(echoes) => format!("{echoes} echoes"),
         None => "a file".into(),
     };
-    let rest = match response.noise {
-        0.0 => "unknown, for too little of the records is at rest".into(),
-        noise => format!("{noise:.3}"),
+    let rest = match &response.noise {
+        None => "unknown, for too little of the records is at rest".into(),
+        Some(noise) => format!("{:.3}", noise.sigma),
     };
     let afterwards = if later.is_empty() { "nothing of 1 %".into() } else { later.join(", ") };
     [

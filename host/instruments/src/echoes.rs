@@ -7,7 +7,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::codes::Codes;
-use super::finder::{EchoFinder, FinderConfig, FoundEcho, Pulse, from_samples, samples};
+use super::finder::colour::Colour;
+use super::finder::scale::WIDTHS;
+use super::finder::{EchoFinder, FinderConfig, FoundEcho, Pulse, Threshold, from_samples, samples};
+use super::noise::Noise;
 use super::response::{Candidate, Record, Response, Verdict, at_rest};
 use super::rows::{Rows, without_padding};
 
@@ -52,12 +55,21 @@ pub struct Waveform {
     pub waveform: usize,
     /// Time from the first sample of the outgoing pulse's row to its peak, ns; `None` without one.
     pub outgoing_peak_ns: Option<f64>,
+    /// Expected number of echoes that noise alone makes in a record at rest as long as this: see
+    /// [`Noise`].
+    pub false_alarms: f64,
     /// Echoes by rising time.
     pub echoes: Vec<Echo>,
 }
 
 /// Samples that two pieces of a long record share.
 const OVERLAP: usize = 600;
+
+/// Increase of false alarms where each record's pulse is chosen by its highest value after ten
+/// filters: 0.8·snr − 1.15, measured at 3.5 and 4 in white and coloured noise
+/// (benches/record/waveforms.md).
+const MORE: f64 = 0.8;
+const LESS: f64 = 1.15;
 
 /// Width of the pulse over that of the response: surfaces widened the echoes that the response is
 /// estimated from.
@@ -67,19 +79,32 @@ const PULSE_OF_RESPONSE: f64 = 0.7;
 #[derive(Clone, Debug)]
 pub struct Finder {
     options: Options,
+    noise: Option<Noise>,
+    /// Rate of crossings after each filter of [`WIDTHS`].
+    crossings: Vec<f64>,
     response: Option<Response>,
 }
 
 impl Finder {
     /// A finder without a response.
     pub fn new(options: Options) -> Self {
-        Self { options, response: None }
+        Self { options, noise: None, crossings: crossings(&Noise::white()), response: None }
     }
 
-    /// Sets the instrument's response, whose own tops are not reported as echoes.
+    /// Sets the noise of the recording. Without it a record's noise counts as white.
+    #[must_use]
+    pub fn with_noise(self, noise: Option<Noise>) -> Self {
+        let of_filters = crossings(noise.as_ref().unwrap_or(&Noise::white()));
+        Self { noise, crossings: of_filters, ..self }
+    }
+
+    /// Sets the instrument's response, whose own tops are not reported as echoes, and the noise
+    /// that it knows.
     #[must_use]
     pub fn with_response(self, response: Option<Response>) -> Self {
-        Self { response, ..self }
+        let noise = response.as_ref().and_then(|response| response.noise.clone());
+        let noise = noise.or_else(|| self.noise.clone());
+        Self { response, ..self.with_noise(noise) }
     }
 
     /// The response, if there is one.
@@ -134,10 +159,16 @@ impl Finder {
         pulse: Option<Pulse>,
     ) -> Waveform {
         let search = self.search(codes.shift, pulse.or_else(|| self.known_pulse()));
-        let mut found = pieces(finder, &codes.codes, &search);
+        let mut false_alarms = 0.0;
+        let mut found = pieces(finder, &codes.codes, &search, |samples, threshold| {
+            let snr = f64::from(threshold.snr) / 256.0;
+            let rate = self.crossings.get(threshold.view).copied().unwrap_or_default();
+            let looks = if search.pulse.is_some() { 1.0 } else { (MORE * snr - LESS).max(1.0) };
+            false_alarms += looks * samples as f64 * rate * (-0.5 * snr * snr).exp();
+        });
         found.retain(|echo| !codes.is_beside_gap(samples(echo.top).round() as usize));
         if let Some(response) = &self.response {
-            drop_explained(response, codes, &mut found);
+            drop_explained(response, codes, self.colour(), &mut found);
         }
         let highest = found.iter().map(|echo| echo.amplitude).max().unwrap_or_default();
         found.retain(|echo| {
@@ -149,7 +180,9 @@ impl Finder {
         found.sort_by_key(|echo| echo.time);
         let echo = |echo| Echo { flags: self.flags(echo, &found), ..self.echo(echo, codes) };
         let echoes = found.iter().map(echo).collect();
-        Waveform { waveform, outgoing_peak_ns: pulse.map(|pulse| self.ns(pulse.time)), echoes }
+        let outgoing_peak_ns = pulse.map(|pulse| self.ns(pulse.time));
+        let false_alarms = shortened(false_alarms);
+        Waveform { waveform, outgoing_peak_ns, false_alarms, echoes }
     }
 
     /// Names of an echo's flags.
@@ -167,6 +200,11 @@ impl Finder {
         Some(Pulse { width: from_samples(width), ..Pulse::default() })
     }
 
+    /// Colour of the noise, where it is not white.
+    fn colour(&self) -> Option<Colour> {
+        self.noise.as_ref()?.colour
+    }
+
     fn search(&self, code_shift: u32, pulse: Option<Pulse>) -> FinderConfig {
         let samples = (self.options.min_separation_ns / self.options.sample_ns).round();
         FinderConfig {
@@ -175,6 +213,7 @@ impl Finder {
             floor: (self.options.floor * 32_768.0).round() as u32,
             min_separation: samples as u32,
             pulse,
+            colour: self.colour(),
             ..FinderConfig::DEFAULT
         }
     }
@@ -195,17 +234,29 @@ impl Finder {
     }
 }
 
+/// Rate of crossings of noise after each filter of [`WIDTHS`].
+fn crossings(noise: &Noise) -> Vec<f64> {
+    let finder = finder();
+    let taps = |view| finder.taps(view).iter().map(|&tap| f64::from(tap)).collect::<Vec<f64>>();
+    (0..WIDTHS.len()).map(|view| noise.crossings(&taps(view))).collect()
+}
+
 fn finder() -> Box<EchoFinder> {
     Box::new(EchoFinder::new())
 }
 
 /// Drops the tops that the response explains. An echo that took in other tops gets the time and
 /// width of all together.
-fn drop_explained(response: &Response, codes: &Codes, found: &mut Vec<FoundEcho>) {
+fn drop_explained(
+    response: &Response,
+    codes: &Codes,
+    colour: Option<Colour>,
+    found: &mut Vec<FoundEcho>,
+) {
     if found.len() < 2 {
         return;
     }
-    let (x, sigma) = at_rest(codes);
+    let (x, sigma) = at_rest(codes, colour);
     let candidate = |echo: &FoundEcho| Candidate {
         time: samples(echo.time),
         height: codes.of_height(echo.amplitude),
@@ -236,7 +287,12 @@ pub fn shows_pulse(finder: &mut EchoFinder, rows: &Rows, row: usize) -> bool {
 /// Echoes of a record of any length. One longer than the DSP's memory is searched in pieces of
 /// [`MAX_SAMPLES`] that share [`OVERLAP`] samples; an echo is taken from the piece in whose inner
 /// part it lies. A piece whose highest code is below the record's cannot be clipped.
-fn pieces(finder: &mut EchoFinder, codes: &[u16], search: &FinderConfig) -> Vec<FoundEcho> {
+fn pieces(
+    finder: &mut EchoFinder,
+    codes: &[u16],
+    search: &FinderConfig,
+    mut searched: impl FnMut(usize, Threshold),
+) -> Vec<FoundEcho> {
     let step = MAX_SAMPLES - OVERLAP;
     let mut found = Vec::new();
     let mut start = 0;
@@ -257,6 +313,8 @@ fn pieces(finder: &mut EchoFinder, codes: &[u16], search: &FinderConfig) -> Vec<
                 found.push(FoundEcho { time, top, centre, flags, ..echo });
             }
         }
+        let inner = if end == codes.len() { end - start } else { step };
+        searched(inner, finder.threshold());
         if end == codes.len() {
             return found;
         }

@@ -36,6 +36,7 @@ pub mod echoes;
 pub mod finder;
 mod gaps;
 mod missing;
+mod noise;
 mod npy;
 mod polarity;
 pub mod read;
@@ -45,6 +46,7 @@ mod scope;
 
 pub use axis::TimeAxis;
 pub use echoes::{Echo, Finder, Options, POSSIBLE_REPEAT, Waveform};
+pub use noise::Noise;
 pub use polarity::Polarity;
 pub use read::{parse_waveforms, read_table, read_waveforms};
 pub use response::Response;

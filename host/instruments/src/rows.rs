@@ -159,6 +159,15 @@ impl Rows {
     }
 }
 
+/// Greatest number of rows that an instrument is estimated from, which bounds the time.
+const LOOKED: usize = 2048;
+
+/// Indices of the rows that an instrument is estimated from, evenly spaced.
+pub(super) fn evenly_spaced(rows: usize) -> Vec<usize> {
+    let looked = rows.min(LOOKED);
+    (0..looked).map(|i| (i as u64 * rows as u64 / looked as u64) as usize).collect()
+}
+
 /// Range of a row's numbers.
 fn text_row(ends: &[u32], row: usize) -> Range<usize> {
     row.checked_sub(1).map_or(0, |before| ends[before] as usize)..ends[row] as usize

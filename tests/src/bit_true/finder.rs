@@ -3,6 +3,7 @@
 //! Sums stay below 2⁵³ on the waveforms of the tests, so every number in `f64` is exact.
 
 use echoloop_dsp::template::Template;
+use echoloop_instruments::finder::colour::Colour;
 use echoloop_instruments::finder::components::SWEEPS;
 use echoloop_instruments::finder::gaussian::TABLE;
 use echoloop_instruments::finder::scale::WIDTHS;
@@ -46,7 +47,7 @@ fn q16(samples: f64) -> f64 {
 }
 
 /// Ambient level (Q1.15) and noise (Q13.19) of a record.
-fn rest(codes: &[f64], code: f64) -> (f64, f64) {
+fn rest(codes: &[f64], code: f64, colour: Option<&Colour>) -> (f64, f64) {
     let differences: Vec<f64> = codes.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
     let median = Order::from_values(differences.clone()).middle;
     let deviations: Vec<f64> = differences.iter().map(|d| (d - median).abs()).collect();
@@ -64,7 +65,8 @@ fn rest(codes: &[f64], code: f64) -> (f64, f64) {
         48.. => f64::INFINITY,
         n => nearest(order[(n - 1) / 4] * fine * 83_977.0 / 65_536.0),
     };
-    let sigma = nearest(of_differences * 26_755.0 / 65_536.0).min(by_quarter).max(quantisation);
+    let white = nearest(of_differences * 26_755.0 / 65_536.0).min(by_quarter).max(quantisation);
+    let sigma = colour.map_or(white, |colour| nearest(white * f64::from(colour.ratio) / 256.0));
     let mut order = codes.to_vec();
     order.sort_by(f64::total_cmp);
     let one_sigma = nearest(sigma / 16.0);
@@ -86,6 +88,16 @@ fn rest(codes: &[f64], code: f64) -> (f64, f64) {
     (ambient.min(32_767.0), sigma)
 }
 
+/// Noise gain of taps, Q1.15, whose gain for white noise is `white`.
+fn noise_gain(taps: &[f64], white: f64, colour: Option<&Colour>) -> f64 {
+    let Some(colour) = colour else { return white };
+    let product = |k: usize| taps.iter().zip(&taps[k..]).map(|(a, b)| a * b).sum::<f64>();
+    let lags = 1..colour.correlation.len().min(taps.len());
+    let more: f64 = lags.map(|k| 2.0 * f64::from(colour.correlation[k]) * product(k)).sum();
+    let least = (product(0) / 4.0).floor();
+    (product(0) + nearest(more / 32_768.0)).max(least).sqrt().floor().min(65_535.0)
+}
+
 /// A waveform filtered with symmetric taps, its end values repeated outside.
 fn filtered(taps: &[f64], x: &[f64]) -> Vec<f64> {
     let sharpener = Sharpener { taps: taps.to_vec(), lag: 1, noise_gain: 0.0 };
@@ -101,8 +113,14 @@ fn highest(values: &[f64]) -> f64 {
 }
 
 /// Width of the pulse, samples, and the index of the filter to measure through.
-fn scale(bank: &[Template], x: &[f64], sigma: f64, pulse: Option<f64>) -> (f64, usize) {
-    let gain = |t: &Template| f64::from(t.noise_gain);
+fn scale(
+    bank: &[Template],
+    x: &[f64],
+    sigma: f64,
+    pulse: Option<f64>,
+    colour: Option<&Colour>,
+) -> (f64, usize) {
+    let gain = |t: &Template| noise_gain(&taps(t), t.noise_gain.into(), colour);
     let pulse = pulse.unwrap_or_else(|| {
         let fits = |&&width: &&u32| width == 2 || 2 * width as usize <= x.len();
         let widths: Vec<u32> = WIDTHS.iter().take_while(fits).copied().collect();
@@ -359,13 +377,14 @@ struct Record<'a> {
 impl<'a> Record<'a> {
     fn new(codes: &[f64], search: &'a FinderConfig) -> Self {
         let code = f64::from(1u32 << search.code_shift);
-        let (ambient, sigma) = rest(codes, code);
+        let colour = search.colour.as_ref();
+        let (ambient, sigma) = rest(codes, code, colour);
         let x: Vec<f64> = codes.iter().map(|c| c * code - ambient).collect();
         let mut bank: Vec<Template> =
             WIDTHS.iter().map(|&width| Template::sin_squared(width * 1000, 1_000_000)).collect();
         let known =
             search.pulse.map(|pulse| nearest(pulse.width as f64 / 65_536.0).clamp(1.0, 63.0));
-        let (pulse, view) = scale(&bank, &x, sigma, known);
+        let (pulse, view) = scale(&bank, &x, sigma, known, colour);
         Self { search, code, x, sigma, pulse, view, narrow: bank.swap_remove(view) }
     }
 }
@@ -384,7 +403,9 @@ impl Sharpened {
         let lag = (2.0 * record.pulse / 3.0).floor().max(1.0) as usize;
         let sharpener = Sharpener::new(&record.narrow, lag, f64::from(SHARPNESS));
         let z = filtered(&sharpener.taps, &record.x);
-        let (sigma, top) = (sharpener.sigma(record.sigma), highest(&z));
+        let colour = record.search.colour.as_ref();
+        let gain = noise_gain(&sharpener.taps, sharpener.noise_gain, colour);
+        let (sigma, top) = (nearest(record.sigma * gain / 32_768.0), highest(&z));
         let by_noise = nearest(sigma * f64::from(record.search.snr_threshold) / 4_096.0);
         let by_floor = nearest(top.max(0.0) * f64::from(record.search.floor) / 32_768.0);
         Self { z, sigma, top, level: by_noise.max(by_floor).clamp(1.0, 32_767.0) }
@@ -417,7 +438,11 @@ impl<'a> Seen<'a> {
     fn new(record: &'a Record<'a>) -> Self {
         let (y, gain) = match record.view {
             0 => (record.x.clone(), 32_768.0),
-            _ => (filtered(&taps(&record.narrow), &record.x), f64::from(record.narrow.noise_gain)),
+            _ => {
+                let (taps, white) = (taps(&record.narrow), record.narrow.noise_gain.into());
+                let gain = noise_gain(&taps, white, record.search.colour.as_ref());
+                (filtered(&taps, &record.x), gain)
+            }
         };
         let prominence = nearest(record.sigma * gain / 262_144.0).max(1.0);
         Self { record, top: highest(&y), y, prominence }

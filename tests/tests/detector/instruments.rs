@@ -13,7 +13,8 @@ use std::ops::Range;
 use std::path::Path;
 
 use echoloop_instruments::response::LEAST_ECHOES;
-use echoloop_instruments::{Finder, Options, Response, parse_waveforms};
+use echoloop_instruments::{Finder, Noise, Options, Response, Rows, parse_waveforms};
+use echoloop_random::Generator;
 use echoloop_tests::instruments::{Instrument, KINDS, Kind, LocalMaxima, Record, Score};
 
 /// Records per instrument, in the test and in the long version.
@@ -212,4 +213,62 @@ fn the_estimated_response_has_the_width_and_bumps_of_the_instrument() {
         }
     }
     assert!(bumps >= 5, "{bumps} bumps");
+}
+
+/// Records at rest: noise through a Gaussian of σ `correlation` samples; 0 is white.
+fn at_rest(seed: u64, records: u64, correlation: f64) -> Vec<Vec<f64>> {
+    let half = (4.0 * correlation).ceil() as i32;
+    let tap = |k: i32| match half {
+        0 => 1.0,
+        _ => (-0.5 * (f64::from(k) / correlation).powi(2)).exp(),
+    };
+    let taps: Vec<f64> = (-half..=half).map(tap).collect();
+    let energy = taps.iter().map(|tap| tap * tap).sum::<f64>().sqrt();
+    let value = |piece: &[f64]| piece.iter().zip(&taps).map(|(x, tap)| x * tap).sum::<f64>();
+    let record = |n| {
+        let white = Generator::new(seed, n).normals(800 + taps.len() - 1);
+        white.windows(taps.len()).map(|w| (300.0 + 8.0 / energy * value(w)).round()).collect()
+    };
+    (0..records).map(record).collect()
+}
+
+/// Rows as of a file.
+fn rows_of(rows: &[Vec<f64>]) -> Rows {
+    let line = |row: &Vec<f64>| row.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+    let text: Vec<String> = rows.iter().map(line).collect();
+    parse_waveforms(Path::new("waves.csv"), text.join("\n").into()).expect("rows")
+}
+
+#[test]
+fn noise_of_any_colour_makes_as_many_echoes_as_is_said() {
+    for (seed, correlation) in [(1, 0.0), (2, 0.6), (3, 1.0), (4, 2.5)] {
+        let rows = at_rest(seed, 600, correlation);
+        let noise = Noise::of_rows(&rows_of(&rows)).expect("rest");
+        assert!((noise.sigma / 8.0 - 1.0).abs() < 0.03, "{correlation}: {}", noise.sigma);
+        assert_eq!(noise.is_coloured(), correlation > 0.0);
+        let search = Options { snr: 3.5, floor: 0.0, ..options(32) };
+        let found = Finder::new(search).with_noise(Some(noise)).find(&rows, &[]);
+        let echoes: f64 = found.iter().map(|w| w.echoes.len() as f64).sum();
+        let said: f64 = found.iter().map(|w| w.false_alarms).sum();
+        // Of some 80 echoes; three standard errors are a third.
+        assert!((0.67..1.5).contains(&(echoes / said)), "{correlation}: {echoes} for {said}");
+    }
+}
+
+#[test]
+fn noise_is_measured_where_no_echo_is() {
+    for (name, kind) in KINDS {
+        for seed in SEEDS.start..SEEDS.start + 12 {
+            let instrument = Instrument::drawn(kind, seed);
+            let noise = Noise::of_rows(&rows_of(&Recording::of(kind, seed, 100).rows));
+            // Rounding to codes is noise of 1/12.
+            let sigma = (instrument.sigma.powi(2) + 1.0 / 12.0).sqrt();
+            if let Some(noise) = noise {
+                let ratio = noise.sigma / sigma;
+                assert!((0.8..1.25).contains(&ratio), "{name} {seed}: {ratio}");
+            } else {
+                assert!(kind != Kind::Spaceborne, "{seed}: its records rest");
+            }
+        }
+    }
 }

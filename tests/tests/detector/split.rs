@@ -7,6 +7,7 @@ use echoloop_dsp::loops::Portable;
 use echoloop_dsp::peak::{self, Peaks};
 use echoloop_dsp::split::{Overlapping, Sharpener, Splitter, prominent_peaks};
 use echoloop_dsp::template::Template;
+use echoloop_instruments::finder::colour::Colour;
 use echoloop_instruments::finder::{EchoFinder, FinderConfig, Pulse, RINGS};
 use echoloop_tests::bit_true::{self, Peak};
 use echoloop_tests::vectors::{self, normal};
@@ -135,8 +136,16 @@ fn record(seed: u64) -> (Vec<u16>, FinderConfig) {
         min_separation: rng.random_range(0..9),
         echoes: if seed.is_multiple_of(5) { 2 } else { FinderConfig::DEFAULT.echoes },
         pulse,
+        colour: seed.is_multiple_of(4).then(|| colour(&mut rng)),
     };
     (codes, search)
+}
+
+/// Noise whose correlation falls with the distance, up or down.
+fn colour(rng: &mut ChaCha8Rng) -> Colour {
+    let neighbours: f64 = rng.random_range(-0.9..0.9);
+    let correlation: Vec<f64> = (0..12).map(|lag| neighbours.powi(lag)).collect();
+    Colour::new(rng.random_range(0.1..6.0), &correlation)
 }
 
 #[test]

@@ -7,6 +7,8 @@ use echoloop_dsp::loops::{Portable, SampleLoops};
 use echoloop_dsp::q::shift_round;
 use echoloop_dsp::statistics::Statistics;
 
+use super::colour::Colour;
+
 /// Ambient and noise of a record that may consist mostly of echo.
 ///
 /// ```text
@@ -53,8 +55,10 @@ const QUANTISATION: i64 = 9_459;
 
 impl Baseline {
     /// Measures codes of at most 15 − `shift` bits. `order` is memory for at least as many codes.
-    pub fn measure(codes: &[u16], shift: u32, order: &mut [u16]) -> Self {
-        let sigma = noise(codes, shift, order);
+    /// The σ of white noise is multiplied by c of `colour`, where the noise has one.
+    pub fn measure(codes: &[u16], shift: u32, colour: Option<&Colour>, order: &mut [u16]) -> Self {
+        let white = noise(codes, shift, order);
+        let sigma = colour.map_or(white, |colour| colour.sigma(white));
         let order = order.get_mut(..codes.len()).unwrap_or_default();
         order.copy_from_slice(codes);
         order.sort_unstable();
@@ -129,7 +133,7 @@ mod tests {
     use super::*;
 
     fn baseline(codes: &[u16]) -> Baseline {
-        Baseline::measure(codes, 3, &mut [0; 100])
+        Baseline::measure(codes, 3, None, &mut [0; 100])
     }
 
     #[test]

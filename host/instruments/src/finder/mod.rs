@@ -18,6 +18,7 @@
 // samples, 2²⁸.
 
 pub mod baseline;
+pub mod colour;
 pub mod components;
 pub mod gaussian;
 pub mod scale;
@@ -28,6 +29,7 @@ use core::cmp::Reverse;
 use heapless::Vec;
 
 use baseline::Baseline;
+use colour::Colour;
 use components::{Component, Components, Fit};
 use echoloop_dsp::baseline::remove as remove_baseline;
 use echoloop_dsp::flags::Flags;
@@ -36,7 +38,7 @@ use echoloop_dsp::q::{divide_round, shift_round};
 use echoloop_dsp::split::{Sharpener, prominent_peaks};
 use echoloop_dsp::template::Template;
 use echoloop_dsp::{MAX_SAMPLES, filter};
-use scale::{Bank, MARGIN, Padded, Scale};
+use scale::{Bank, MARGIN, Noise, Padded, Scale};
 use top::{Top, View};
 
 /// Share of the second difference that the sharpener subtracts, 64ths.
@@ -57,6 +59,8 @@ pub struct FinderConfig {
     pub echoes: usize,
     /// The emitted pulse, when it is known.
     pub pulse: Option<Pulse>,
+    /// Colour of the noise, where it is not white.
+    pub colour: Option<Colour>,
 }
 
 impl FinderConfig {
@@ -69,6 +73,7 @@ impl FinderConfig {
         min_separation: 1,
         echoes: MAX_CANDIDATES,
         pulse: None,
+        colour: None,
     };
 }
 
@@ -107,6 +112,15 @@ pub struct FoundEcho {
     pub centre: i64,
 }
 
+/// What a record was searched with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Threshold {
+    /// Index of the filter of [`scale::WIDTHS`] that it was looked at through.
+    pub view: usize,
+    /// T/σ_z, Q.8, rounded down.
+    pub snr: u32,
+}
+
 /// Echoes by rising time.
 pub type FoundEchoes = Vec<FoundEcho, MAX_CANDIDATES>;
 
@@ -121,6 +135,7 @@ pub struct EchoFinder {
     sharp: [i16; MAX_SAMPLES],
     order: [u16; MAX_SAMPLES],
     model: [i32; MAX_SAMPLES],
+    threshold: Threshold,
 }
 
 impl Default for EchoFinder {
@@ -139,6 +154,7 @@ impl EchoFinder {
             sharp: [0; MAX_SAMPLES],
             order: [0; MAX_SAMPLES],
             model: [0; MAX_SAMPLES],
+            threshold: Threshold::default(),
         }
     }
 
@@ -146,7 +162,7 @@ impl EchoFinder {
     /// [`MAX_SAMPLES`] are ignored; fewer than three hold none.
     ///
     /// ```text
-    /// a, σ      as of Baseline;  x = code − a
+    /// a, σ      as of Baseline;  x = code − a;  r below of the noise's colour, if it has one
     /// pulse, view  as of Bank;  h = the view's filter
     /// z         = x through Sharpener(h, lag = max(1, ⌊2/3 · pulse⌋), SHARPNESS);   σ_z = σ·r
     /// T         = max(k·σ_z, floor · max z, 1)                   Q1.15, nearest
@@ -164,25 +180,39 @@ impl EchoFinder {
         if codes.len() < 3 {
             return FoundEchoes::new();
         }
-        let baseline = Baseline::measure(codes, shift, &mut self.order);
+        let colour = search.colour.as_ref();
+        let baseline = Baseline::measure(codes, shift, colour, &mut self.order);
         self.padded.fill(codes.len(), |x| {
             remove_baseline(codes, 0x7fff >> shift, shift, baseline.ambient, x)
         });
         let pulse =
             search.pulse.map(|pulse| shift_round(pulse.width, 16).clamp(1, MARGIN as i64) as u32);
-        let scale = self.bank.scale(&self.padded, baseline.sigma, pulse, &mut self.view);
+        let noise = Noise { sigma: baseline.sigma, colour };
+        let scale = self.bank.scale(&self.padded, noise, pulse, &mut self.view);
         let Some(narrow) = self.bank.template(scale.view).cloned() else {
             return FoundEchoes::new();
         };
         self.padded.filter(narrow.taps_in_pairs(), &mut self.view);
         let sharpener = Sharpener::new(&narrow, (2 * scale.pulse / 3).max(1) as usize, SHARPNESS);
         self.padded.filter(sharpener.taps_in_pairs(), &mut self.sharp);
-        let sigma = sharpener.sigma(baseline.sigma);
+        let sigma = noise.after(sharpener.taps(), sharpener.noise_gain);
         let (peaks, level) = self.peaks(sigma, scale.pulse, search);
+        let snr = ((i64::from(level) << 12) / i64::from(sigma.max(1))) as u32;
+        self.threshold = Threshold { view: scale.view, snr };
         let mut found =
-            self.place(&peaks, &Context { search, scale, narrow: &narrow, baseline, sigma, level });
+            self.place(&peaks, &Context { search, scale, narrow: &narrow, noise, sigma, level });
         keep_strongest(&mut found, search);
         found
+    }
+
+    /// What the last record was searched with.
+    pub fn threshold(&self) -> Threshold {
+        self.threshold
+    }
+
+    /// Taps of a filter of [`scale::WIDTHS`], Q1.15.
+    pub fn taps(&self, view: usize) -> &[i16] {
+        self.bank.template(view).map_or(&[], Template::taps)
     }
 
     /// Peaks of the sharpened waveform without ringing, and T.
@@ -245,7 +275,7 @@ struct Context<'a> {
     search: &'a FinderConfig,
     scale: Scale,
     narrow: &'a Template,
-    baseline: Baseline,
+    noise: Noise<'a>,
     sigma: u32,
     level: i16,
 }
@@ -256,9 +286,9 @@ impl Context<'_> {
     fn view<'y>(&self, x: &'y [i16], filtered: &'y [i16]) -> View<'y> {
         let (y, gain) = match self.scale.view {
             0 => (x, 1 << 15),
-            _ => (filtered, i64::from(self.narrow.noise_gain)),
+            _ => (filtered, i64::from(self.noise.gain(self.narrow))),
         };
-        let two_sigma = shift_round(i64::from(self.baseline.sigma) * gain, 18).max(1) as i32;
+        let two_sigma = shift_round(i64::from(self.noise.sigma) * gain, 18).max(1) as i32;
         let top = y.iter().copied().max().unwrap_or_default();
         View {
             y,
@@ -313,7 +343,7 @@ impl Context<'_> {
     fn limited(&self, top: &Top, component: &Component) -> i64 {
         let sigma = component.shape.sigma();
         let jitter = divide_round(
-            23 * i64::from(self.baseline.sigma) * ((sigma * sigma) >> 8),
+            23 * i64::from(self.noise.sigma) * ((sigma * sigma) >> 8),
             component.height.max(1),
         );
         let reach = if self.scale.view == 0 { (18 * sigma - jitter).max(0) } else { 0 };

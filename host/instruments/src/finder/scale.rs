@@ -5,6 +5,7 @@
 
 use heapless::Vec;
 
+use super::colour::Colour;
 use echoloop_dsp::filter::{self, PADDING};
 use echoloop_dsp::q::shift_round;
 use echoloop_dsp::template::Template;
@@ -79,6 +80,28 @@ pub struct Bank {
     templates: Vec<Template, { WIDTHS.len() }>,
 }
 
+/// Noise of a record.
+#[derive(Clone, Copy, Debug)]
+pub struct Noise<'a> {
+    /// σ of a sample, Q13.19.
+    pub sigma: u32,
+    /// Its colour, where it is not white.
+    pub colour: Option<&'a Colour>,
+}
+
+impl Noise<'_> {
+    /// r of a template, Q1.15.
+    pub fn gain(&self, template: &Template) -> u16 {
+        self.colour.map_or(template.noise_gain, |colour| colour.noise_gain(template.taps()))
+    }
+
+    /// σ after a filter whose noise gain for white noise is `white`, Q13.19, nearest.
+    pub fn after(&self, taps: &[i16], white: u16) -> u32 {
+        let gain = self.colour.map_or(white, |colour| colour.noise_gain(taps));
+        shift_round(i64::from(self.sigma) * i64::from(gain), 15) as u32
+    }
+}
+
 /// Pulse and view of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scale {
@@ -94,20 +117,18 @@ impl Bank {
         self.templates.get(index)
     }
 
-    /// Pulse and view of a record of noise `sigma`, Q13.19; `pulse`, samples, when it is known.
+    /// Pulse and view of a record; `pulse`, samples, when it is known.
     pub fn scale(
         &self,
         padded: &Padded,
-        sigma: u32,
+        noise: Noise<'_>,
         pulse: Option<u32>,
         y: &mut [i16; MAX_SAMPLES],
     ) -> Scale {
-        let pulse = pulse.unwrap_or_else(|| self.best(padded, y)).max(1);
+        let pulse = pulse.unwrap_or_else(|| self.best(padded, noise, y)).max(1);
         let highest = padded.x().iter().copied().max().unwrap_or_default();
         let factor = i64::from(pulse).min(MARGIN as i64) * 8;
-        let quiet = |t: &Template| {
-            factor.max(100) * shift_round(i64::from(sigma) * i64::from(t.noise_gain), 15)
-        };
+        let quiet = |t: &Template| factor.max(100) * i64::from(noise.after(t.taps(), t.noise_gain));
         let enough =
             |(t, &width): (&Template, &u32)| width >= pulse || quiet(t) <= i64::from(highest) << 4;
         let view = self.templates.iter().zip(&WIDTHS).position(enough).unwrap_or(WIDTHS.len() - 1);
@@ -115,7 +136,7 @@ impl Bank {
     }
 
     /// Least width whose SNR is at least 31/32 of the best, samples.
-    fn best(&self, padded: &Padded, y: &mut [i16; MAX_SAMPLES]) -> u32 {
+    fn best(&self, padded: &Padded, noise: Noise<'_>, y: &mut [i16; MAX_SAMPLES]) -> u32 {
         let mut heights: Vec<(i64, i64, u32), { WIDTHS.len() }> = Vec::new();
         for (template, &width) in self.templates.iter().zip(&WIDTHS) {
             if width > 2 && 2 * width as usize > padded.x().len() {
@@ -128,7 +149,7 @@ impl Bank {
                 .max()
                 .unwrap_or_default();
             // Never full: its capacity is the number of widths.
-            let _ = heights.push((i64::from(top), i64::from(template.noise_gain), width));
+            let _ = heights.push((i64::from(top), i64::from(noise.gain(template)), width));
         }
         let best = heights
             .iter()

@@ -4,7 +4,7 @@ use super::curve::{Curve, FLAT, Family, PER_WIDTH};
 use super::doubt::take_out;
 use super::fit::{Fit, Part, samples};
 use super::model::Later;
-use super::robust::{beyond, clipped_rms, densest_half, median, sigma_of_magnitudes};
+use super::robust::{beyond, densest_half, median, sigma_of_magnitudes};
 use super::strong::Strong;
 
 /// Default least number of strong echoes of a recording. What fewer have in common may come from
@@ -202,28 +202,4 @@ fn unexplained(strong: &Strong, family: &Family) -> Strong {
     let mut left = Strong { time: part.time, ..strong.clone() };
     part.add(family, -1.0, &mut left.x);
     left
-}
-
-/// Noise of a sample and of an echo's height, in the file's units, from the rest before the first
-/// echoes. `None` when that is too short.
-pub(super) fn noise_at_rest(records: &[Strong], taps: &[f64], width: f64) -> Option<(f64, f64)> {
-    let energy: f64 = taps.iter().map(|tap| tap * tap).sum();
-    let (mut of_samples, mut of_heights) = (Vec::new(), Vec::new());
-    for record in records {
-        let end = (record.first - 2.5 * width.max(record.width)).max(0.0) as usize;
-        let rest = &record.x[..end.min(record.x.len())];
-        if rest.len() < 2 * taps.len() {
-            continue;
-        }
-        let mean = rest.iter().sum::<f64>() / rest.len() as f64;
-        // Bessel's correction, since the mean is of the same samples.
-        let share = rest.len() as f64 / (rest.len() - 1) as f64;
-        let off = |x: &f64| (x - mean) * record.unit * share.sqrt();
-        of_samples.extend(rest.iter().map(|x| off(x).abs()));
-        let height = |piece: &[f64]| piece.iter().map(off).zip(taps).map(|(x, tap)| x * tap).sum();
-        let heights = rest.chunks_exact(taps.len()).map(height);
-        of_heights.extend(heights.map(|sum: f64| (sum / energy).abs()));
-    }
-    let enough = of_heights.len() >= 64;
-    enough.then(|| (clipped_rms(&mut of_samples), clipped_rms(&mut of_heights)))
 }

@@ -3,14 +3,13 @@
 use rayon::prelude::*;
 
 use super::curve::{Curve, Family};
-use super::estimate::{Estimate, LOBE, noise_at_rest};
+use super::estimate::{Estimate, LOBE};
 use super::strong::Strong;
 use crate::codes::Codes;
 use crate::finder::EchoFinder;
-use crate::rows::{Rows, without_padding};
-
-/// Greatest number of rows to estimate from, evenly spaced, which bounds the time.
-const ROWS: usize = 2048;
+use crate::finder::colour::Colour;
+use crate::noise::Noise;
+use crate::rows::{Rows, evenly_spaced, without_padding};
 
 /// Least spread of a response, over its height: no instrument repeats itself to better than 0.4 %.
 const LEAST_SPREAD: f64 = 0.004;
@@ -27,10 +26,8 @@ pub struct Response {
     /// Tops after the strong echoes that may be the instrument's or second targets': nothing in the
     /// recording tells. They are not in the response.
     pub doubtful: Vec<Later>,
-    /// Noise of a sample in records at rest, in the file's units; 0 when unknown.
-    pub noise: f64,
-    /// Noise of an echo's height, in the file's units; 0 when unknown.
-    height_noise: f64,
+    /// Noise of the recording; `None` when too little of it is at rest.
+    pub noise: Option<Noise>,
     /// Σ h² over the middle of the lobe.
     energy: f64,
 }
@@ -68,15 +65,22 @@ impl Response {
     /// # Errors
     ///
     /// [`NoResponse`] when the recording has too few.
-    pub fn of_rows(rows: &Rows, least: usize, pulses: Option<&Rows>) -> Result<Self, NoResponse> {
-        let pulses = pulses.map(|pulses| strong(pulses.len(), |row| pulses.codes(row)));
-        Self::of_codes(rows.len(), least, |row| rows.codes(row), &pulses.unwrap_or_default())
+    pub fn of_rows(
+        rows: &Rows,
+        least: usize,
+        pulses: Option<&Rows>,
+        noise: Option<Noise>,
+    ) -> Result<Self, NoResponse> {
+        let pulses = pulses.map(|pulses| strong(pulses.len(), |row| pulses.codes(row), None));
+        let pulses = pulses.unwrap_or_default();
+        Self::of_codes(rows.len(), least, |row| rows.codes(row), &pulses, noise)
     }
 
     /// As [`Response::of_rows`], from waveforms in memory.
     pub fn of_waveforms(rows: &[Vec<f64>], least: usize) -> Result<Self, NoResponse> {
         let codes = |row: usize| Codes::from_samples(without_padding(&rows[row]));
-        Self::of_codes(rows.len(), least, codes, &[])
+        let noise = Noise::measured(rows.len(), codes);
+        Self::of_codes(rows.len(), least, codes, &[], noise)
     }
 
     fn of_codes(
@@ -84,13 +88,15 @@ impl Response {
         least: usize,
         codes: impl Fn(usize) -> Codes + Sync,
         pulses: &[Strong],
+        noise: Option<Noise>,
     ) -> Result<Self, NoResponse> {
-        let records = strong(rows, codes);
-        let too_few = || NoResponse { found: records.len(), looked: rows.min(ROWS), least };
+        let records = strong(rows, codes, noise.as_ref().and_then(|noise| noise.colour));
+        let too_few =
+            || NoResponse { found: records.len(), looked: evenly_spaced(rows).len(), least };
         let Estimate { curve, spread, echoes, doubtful } =
             Estimate::of(&records, least, pulses).ok_or_else(too_few)?;
         let echoes = Some(echoes);
-        Ok(Self { echoes, doubtful, ..Self::new(curve, spread) }.measured(&records))
+        Ok(Self { echoes, doubtful, noise, ..Self::new(curve, spread) })
     }
 
     /// A response of given level and spread.
@@ -100,8 +106,7 @@ impl Response {
             spread,
             echoes: None,
             doubtful: Vec::new(),
-            noise: 0.0,
-            height_noise: 0.0,
+            noise: None,
             energy: 1.0,
         };
         response.energy = response.taps().iter().map(|tap| tap * tap).sum();
@@ -110,14 +115,8 @@ impl Response {
 
     /// Sets the noise to that of a recording.
     #[must_use]
-    pub fn with_noise_of(self, rows: &Rows) -> Self {
-        self.measured(&strong(rows.len(), |row| rows.codes(row)))
-    }
-
-    fn measured(self, records: &[Strong]) -> Self {
-        let noise = noise_at_rest(records, &self.taps(), self.width());
-        let (noise, height_noise) = noise.unwrap_or_default();
-        Self { noise, height_noise, ..self }
+    pub fn with_noise(self, noise: Option<Noise>) -> Self {
+        Self { noise, ..self }
     }
 
     /// Levels within 0.6 widths of the top, a sample apart.
@@ -148,11 +147,11 @@ impl Response {
     }
 
     /// Noise of a sample and of an echo's height in a record with sample noise `sigma`, all in
-    /// codes of `unit`. The recording's noise counts where it is greater: neighbouring samples are
-    /// often correlated, which a single record is too short to show.
+    /// codes of `unit`. The recording's noise counts where it is greater.
     pub(super) fn noise_in(&self, sigma: f64, unit: f64) -> (f64, f64) {
-        let of_height = sigma / self.energy.sqrt();
-        (sigma.max(self.noise / unit), of_height.max(self.height_noise / unit))
+        let sigma = self.noise.as_ref().map_or(sigma, |noise| sigma.max(noise.sigma / unit));
+        let gain = self.noise.as_ref().map(|noise| noise.gain(&self.taps()) / self.energy);
+        (sigma, sigma * gain.unwrap_or(1.0 / self.energy.sqrt()))
     }
 
     /// Σ h² over the middle of the lobe.
@@ -215,12 +214,15 @@ pub(super) fn turns(curve: &[Later]) -> Vec<Later> {
     found
 }
 
-/// Records with a strong lone echo, from at most [`ROWS`] rows.
-fn strong(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Vec<Strong> {
-    let looked = rows.min(ROWS);
-    let row = |i: usize| (i as u64 * rows as u64 / looked as u64) as usize;
+/// Records with a strong lone echo, from some of the rows.
+fn strong(
+    rows: usize,
+    codes: impl Fn(usize) -> Codes + Sync,
+    colour: Option<Colour>,
+) -> Vec<Strong> {
     let finder = || Box::new(EchoFinder::new());
-    let look = |finder: &mut Box<EchoFinder>, i| Strong::of_record(finder, &codes(row(i)));
-    let found: Vec<Option<Strong>> = (0..looked).into_par_iter().map_init(finder, look).collect();
+    let look = |finder: &mut Box<EchoFinder>, row| Strong::of_record(finder, &codes(row), colour);
+    let looked = evenly_spaced(rows);
+    let found: Vec<Option<Strong>> = looked.into_par_iter().map_init(finder, look).collect();
     found.into_iter().flatten().collect()
 }

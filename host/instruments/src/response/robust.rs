@@ -1,7 +1,7 @@
 //! Robust statistics: middle and spread of values with outliers.
 
 /// Median; 0 of no values. Sorts them.
-pub(super) fn median(values: &mut [f64]) -> f64 {
+pub(crate) fn median(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or_default()
 }
@@ -12,15 +12,6 @@ pub(super) const MEDIAN_TO_SIGMA: f64 = 1.4826;
 /// σ of normal values whose magnitudes are given. Sorts them.
 pub(crate) fn sigma_of_magnitudes(magnitudes: &mut [f64]) -> f64 {
     MEDIAN_TO_SIGMA * median(magnitudes)
-}
-
-/// Root of the mean square of the sorted magnitudes up to four σ; 0 of no values. σ is the greater
-/// estimate of median and mean; the mean is better where codes differ by a step or two.
-pub(super) fn clipped_rms(magnitudes: &mut [f64]) -> f64 {
-    let mean = magnitudes.iter().sum::<f64>() / magnitudes.len().max(1) as f64;
-    let limit = 4.0 * sigma_of_magnitudes(magnitudes).max(1.2533 * mean);
-    let within = &magnitudes[..magnitudes.partition_point(|m| *m <= limit)];
-    (within.iter().map(|m| m * m).sum::<f64>() / within.len().max(1) as f64).sqrt()
 }
 
 /// Mean and σ of the densest half of sorted values, σ as if they were normal; (0, 0) of no values.
@@ -48,15 +39,6 @@ mod tests {
     use echoloop_random::Generator;
 
     use super::*;
-
-    #[test]
-    fn outliers_do_not_count_and_values_of_one_step_do() {
-        let mut magnitudes = vec![0.0; 60];
-        magnitudes.extend([1.0; 30]);
-        magnitudes.extend([50.0; 2]);
-        assert!((clipped_rms(&mut magnitudes) - (30.0f64 / 90.0).sqrt()).abs() < 1e-12);
-        assert_eq!(clipped_rms(&mut []), 0.0);
-    }
 
     #[test]
     fn the_densest_half_ignores_outliers() {

@@ -4,6 +4,7 @@ use echoloop_dsp::{Flags, MAX_SAMPLES};
 
 use crate::codes::Codes;
 use crate::finder::baseline::Baseline;
+use crate::finder::colour::Colour;
 use crate::finder::{EchoFinder, FinderConfig, FoundEcho, samples};
 
 /// A record and its strongest echo.
@@ -21,8 +22,6 @@ pub(super) struct Strong {
     pub(super) height: f64,
     /// Its full width at half maximum, samples.
     pub(super) width: f64,
-    /// Time of the first echo at least a fifth as high, samples; lower ones may be noise.
-    pub(super) first: f64,
     /// Lags from it of the other echoes that are at least a fifth as high, samples.
     pub(super) others: Vec<f64>,
 }
@@ -33,16 +32,20 @@ const LEAST_SNR: u32 = 20 << 8;
 impl Strong {
     /// A record whose strongest echo stands alone, whole and clear of noise; else `None`. Only its
     /// first [`MAX_SAMPLES`] are searched.
-    pub(super) fn of_record(finder: &mut EchoFinder, codes: &Codes) -> Option<Self> {
+    pub(super) fn of_record(
+        finder: &mut EchoFinder,
+        codes: &Codes,
+        colour: Option<Colour>,
+    ) -> Option<Self> {
         let first = beginning(codes);
-        let search = FinderConfig { code_shift: codes.shift, ..FinderConfig::DEFAULT };
+        let search = FinderConfig { code_shift: codes.shift, colour, ..FinderConfig::DEFAULT };
         let echoes = finder.echoes(first, &search);
         let best = echoes.iter().max_by_key(|echo| echo.amplitude)?;
         let unfit = Flags::SATURATED | Flags::TRUNCATED | Flags::MERGED;
         if best.flags.0 & unfit.0 != 0 || best.snr < LEAST_SNR || !codes.gaps.is_empty() {
             return None;
         }
-        let (x, sigma) = at_rest(codes);
+        let (x, sigma) = at_rest(codes, colour);
         let high = || echoes.iter().filter(|echo| 5 * echo.amplitude > best.amplitude);
         let lag = |echo: &FoundEcho| samples(echo.time - best.time);
         Some(Self {
@@ -52,7 +55,6 @@ impl Strong {
             time: samples(best.time),
             height: codes.of_height(best.amplitude),
             width: samples(best.width),
-            first: samples(high().next()?.time),
             others: high().map(lag).filter(|lag| *lag != 0.0).collect(),
         })
     }
@@ -82,9 +84,10 @@ fn beginning(codes: &Codes) -> &[u16] {
 
 /// Samples of a record minus its ambient, and their noise, codes. Ambient and noise are measured in
 /// its first [`MAX_SAMPLES`].
-pub(crate) fn at_rest(codes: &Codes) -> (Vec<f64>, f64) {
+pub(crate) fn at_rest(codes: &Codes, colour: Option<Colour>) -> (Vec<f64>, f64) {
     let piece = beginning(codes);
-    let baseline = Baseline::measure(piece, codes.shift, &mut vec![0; piece.len()]);
+    let baseline =
+        Baseline::measure(piece, codes.shift, colour.as_ref(), &mut vec![0; piece.len()]);
     let ambient = codes.of_height(baseline.ambient.into());
     let x = codes.codes.iter().map(|&code| f64::from(code) - ambient);
     (x.collect(), codes.of_height(baseline.sigma.into()) / 16.0)

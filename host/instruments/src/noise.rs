@@ -1,0 +1,279 @@
+//! Noise of a recording: its level and its colour, from the pieces without an echo.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::codes::Codes;
+use super::finder::colour::{Colour, LAGS};
+use super::finder::{EchoFinder, FinderConfig, FoundEcho, samples};
+use super::response::at_rest;
+use super::response::robust::median;
+use super::rows::{Rows, evenly_spaced};
+
+/// Median length of the records of a long recording.
+const LONG: usize = 256;
+
+/// Samples of a window that may be quiet, in a long and a short recording.
+const WINDOW: usize = 24;
+const SHORT_WINDOW: usize = 8;
+
+/// End of the rest before the first echo of a record, widths of its strongest before the top.
+const BEFORE: f64 = 1.5;
+
+/// Share of the windows that the search for quiet ones begins with: those of least variance.
+const BEGIN: usize = 20;
+
+/// Greatest number of rounds of that search, and least growth of the variance for another.
+const ROUNDS: usize = 30;
+const GROWTH: f64 = 1.01;
+
+/// Fewest quiet windows, and pairs of samples at a lag, that tell the noise.
+const FEWEST_WINDOWS: usize = 8;
+const FEWEST_PAIRS: u64 = 400;
+
+/// Least and greatest ratio of σ to that of white noise with the same second differences, for the
+/// noise to count as white.
+const WHITE: Range<f64> = 0.9..1.1;
+
+/// Greatest ratio of D_k at the farthest quarter of the lags to that at the second: it still rises
+/// where what looks quiet is the flank of an echo.
+const SILL: f64 = 1.3;
+
+/// Noise of the quiet pieces of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Noise {
+    /// σ of a sample, in the file's units.
+    pub sigma: f64,
+    /// Correlation of samples 0, 1, 2… apart; only the first, which is 1, where it is white.
+    correlation: Vec<f64>,
+    /// As the finder takes it; `None` where it is white.
+    pub(crate) colour: Option<Colour>,
+}
+
+/// Sums of squared differences at each lag, and their number.
+#[derive(Clone, Copy, Debug, Default)]
+struct Differences {
+    sums: [f64; LAGS],
+    counts: [u64; LAGS],
+}
+
+impl Noise {
+    /// Noise of a file's rows; `None` where too little of them is quiet.
+    pub fn of_rows(rows: &Rows) -> Option<Self> {
+        Self::measured(rows.len(), |row| rows.codes(row))
+    }
+
+    /// Measures some of `rows` rows, evenly spaced.
+    ///
+    /// ```text
+    /// quiet  windows of L = 24 samples; where most records are shorter than 256, of 8 before the
+    ///        first echo, since hardly anything is at rest behind it
+    ///        that vary as noise does: from the twentieth with the least variance on, those within
+    ///        the 99.9th percentile of χ²_d/d times the mean variance of the quiet ones, until no
+    ///        more come;  d = L/(1 + 2·Σ ρ_k²)
+    /// D_k    = mean (x[n + k] − x[n])²/2 within quiet pieces
+    /// σ²     = mean of D_k over the farther half of the lags
+    /// ρ_k    = 1 − D_k/σ²                         0 from the first lag where it is within noise
+    /// ```
+    ///
+    /// D_k is the variogram: unlike the autocovariance it needs no mean, which drifts.
+    pub(crate) fn measured(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Option<Self> {
+        let looked: Vec<(usize, usize)> = searched(rows, &codes);
+        let window = if is_long(&looked) { WINDOW } else { SHORT_WINDOW };
+        let all = |&(row, end): &(usize, usize)| {
+            let codes = codes(row);
+            windows(&codes, end, window).map(|at| variance(&codes, at)).collect::<Vec<f64>>()
+        };
+        let mut variances: Vec<f64> = looked.par_iter().flat_map_iter(all).collect();
+        variances.sort_by(f64::total_cmp);
+        let differences = |limit: f64| {
+            let row =
+                |&(row, end): &(usize, usize)| Differences::of(&codes(row), end, window, limit);
+            // Added in the order of the rows, so that the number of threads does not matter.
+            let parts: Vec<Differences> = looked.par_iter().map(row).collect();
+            parts.iter().fold(Differences::default(), |sum, part| sum.and(part))
+        };
+        let mut quiet = (variances.len() / BEGIN).max(FEWEST_WINDOWS);
+        for _ in 0..ROUNDS {
+            let order = variances.get(..quiet)?;
+            let mean = order.iter().sum::<f64>() / quiet as f64;
+            let freedom = differences(order[quiet - 1]).degrees_of_freedom(window);
+            let limit = mean * highest_of(freedom);
+            let more = variances.partition_point(|v| *v <= limit);
+            let grown = variances[..more].iter().sum::<f64>() / more as f64;
+            quiet = more.max(quiet);
+            if grown <= GROWTH * mean {
+                let white = is_long(&looked).then(|| usual_white(&looked, &codes));
+                return Self::of_differences(&differences(limit), window, white);
+            }
+        }
+        None
+    }
+
+    /// `usual` is the σ̂ that the finder sees in a record of a long recording.
+    fn of_differences(all: &Differences, window: usize, usual: Option<f64>) -> Option<Self> {
+        let lags = all.counts[1..].iter().take_while(|n| **n >= FEWEST_PAIRS).count() + 1;
+        if lags < 3 * window / 4 {
+            return None;
+        }
+        let at = |k: usize| all.sums[k] / all.counts[k] as f64 / 2.0;
+        let mean = |lags: Range<usize>| lags.clone().map(at).sum::<f64>() / lags.len() as f64;
+        let variance = mean(lags / 2..lags);
+        let nearer = lags / 4..lags / 2;
+        if mean(3 * lags / 4..lags) > SILL * mean(nearer) {
+            return None;
+        }
+        // 1/6 of the mean square of second differences: σ² of white noise.
+        let white = (8.0 * at(1) - 2.0 * at(2)) / 6.0;
+        if !(variance > 0.0 && white > 0.0) {
+            return None;
+        }
+        let error = |k: usize| 3.0 / (all.counts[k] as f64).sqrt();
+        let value = |k: usize| 1.0 - at(k) / variance;
+        let last = (1..lags).rev().find(|&k| value(k).abs() > error(k)).unwrap_or(0);
+        let correlation: Vec<f64> =
+            (0..=last).map(|k| if k == 0 { 1.0 } else { value(k) }).collect();
+        let ratio = variance.sqrt() / usual.unwrap_or(white.sqrt());
+        let colour = (!WHITE.contains(&ratio)).then(|| Colour::new(ratio, &correlation));
+        let correlation = if colour.is_some() { correlation } else { vec![1.0] };
+        Some(Self { sigma: variance.sqrt(), correlation, colour })
+    }
+
+    /// σ of a sum of samples with these weights, over σ of a sample.
+    pub(crate) fn gain(&self, weights: &[f64]) -> f64 {
+        let product = |k: usize| weights.iter().zip(&weights[k..]).map(|(a, b)| a * b).sum::<f64>();
+        let white = product(0);
+        let lags = 1..self.correlation.len().min(weights.len());
+        let more: f64 = lags.map(|k| 2.0 * self.correlation[k] * product(k)).sum();
+        (white + more).max(white / 4.0).sqrt()
+    }
+
+    /// False alarms per sample over e^(−snr²/2), after a filter of these taps: Rice's rate of
+    /// upward crossings, of a sampled process.
+    ///
+    /// ```text
+    /// rate = arccos(ρ_z)/(2π)·e^(−snr²/2)          ρ_z: correlation of neighbours after the filter
+    /// ```
+    pub(crate) fn crossings(&self, taps: &[f64]) -> f64 {
+        let mut both = vec![0.0; taps.len() + 1];
+        for (k, tap) in taps.iter().enumerate() {
+            both[k] += tap;
+            both[k + 1] += tap;
+        }
+        // Var(z[n] + z[n + 1]) = 2 σ_z² (1 + ρ_z).
+        let [alone, together] = [taps, &both].map(|taps| self.gain(taps).powi(2));
+        let neighbours = (together / (2.0 * alone) - 1.0).clamp(-1.0, 1.0);
+        neighbours.acos() / std::f64::consts::TAU
+    }
+
+    /// White noise.
+    pub(crate) fn white() -> Self {
+        Self { sigma: 0.0, correlation: vec![1.0], colour: None }
+    }
+
+    /// True when neighbouring samples are correlated.
+    pub fn is_coloured(&self) -> bool {
+        self.colour.is_some()
+    }
+}
+
+/// The 99.9th percentile of χ²/d of d degrees of freedom, by Wilson and Hilferty's cube.
+fn highest_of(freedom: f64) -> f64 {
+    let part = 2.0 / (9.0 * freedom);
+    (1.0 - part + 3.09 * part.sqrt()).powi(3)
+}
+
+/// Rows that are looked at, and the end of the piece of each that may be quiet.
+fn searched(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Vec<(usize, usize)> {
+    let looked = evenly_spaced(rows);
+    let length = |&row: &usize| (row, codes(row).codes.len());
+    let lengths: Vec<(usize, usize)> = looked.par_iter().map(length).collect();
+    if is_long(&lengths) {
+        return lengths;
+    }
+    let rest = |finder: &mut Box<EchoFinder>, &(row, length): &(usize, usize)| {
+        let codes = codes(row);
+        let search = FinderConfig { code_shift: codes.shift, ..FinderConfig::DEFAULT };
+        let echoes = finder.echoes(&codes.codes, &search);
+        let width = echoes.iter().max_by_key(|echo| echo.amplitude).map_or(0, |echo| echo.width);
+        let rest = |echo: &FoundEcho| samples(echo.top) - BEFORE * samples(width);
+        (row, echoes.first().map_or(length, |echo| rest(echo).max(0.0) as usize))
+    };
+    lengths.par_iter().map_init(|| Box::new(EchoFinder::new()), rest).collect()
+}
+
+/// Median of the records' σ̂, in the file's units.
+fn usual_white(looked: &[(usize, usize)], codes: impl Fn(usize) -> Codes + Sync) -> f64 {
+    let sigma = |&(row, _): &(usize, usize)| {
+        let codes = codes(row);
+        at_rest(&codes, None).1 * codes.unit
+    };
+    median(&mut looked.par_iter().map(sigma).collect::<Vec<f64>>())
+}
+
+/// True when most of the records (row and length) are long.
+fn is_long(records: &[(usize, usize)]) -> bool {
+    2 * records.iter().filter(|record| record.1 >= LONG).count() > records.len()
+}
+
+/// Windows that may be quiet in a record up to `end`: without a gap and a clipped top.
+fn windows(codes: &Codes, end: usize, length: usize) -> impl Iterator<Item = Range<usize>> {
+    let highest = codes.codes.iter().max();
+    let last = end.min(codes.codes.len()).saturating_sub(length - 1);
+    let whole = move |at: &Range<usize>| {
+        let clipped = codes.codes[at.clone()].iter().filter(|code| Some(*code) == highest).count();
+        clipped < 3 && !codes.gaps.iter().any(|gap| gap.start < at.end && at.start < gap.end)
+    };
+    (0..last).step_by(length / 2).map(move |first| first..first + length).filter(whole)
+}
+
+/// Variance of a window, in the file's units, at least that of rounding to a code.
+fn variance(codes: &Codes, at: Range<usize>) -> f64 {
+    let values = || codes.codes[at.clone()].iter().map(|&code| f64::from(code));
+    let mean = values().sum::<f64>() / at.len() as f64;
+    let square = values().map(|v| (v - mean).powi(2)).sum::<f64>() / (at.len() - 1) as f64;
+    square.max(1.0 / 12.0) * codes.unit * codes.unit
+}
+
+impl Differences {
+    /// Of the windows of at most this variance.
+    fn of(codes: &Codes, end: usize, window: usize, limit: f64) -> Self {
+        let mut runs: Vec<Range<usize>> = Vec::new();
+        for at in windows(codes, end, window).filter(|at| variance(codes, at.clone()) <= limit) {
+            match runs.last_mut() {
+                Some(run) if run.end >= at.start => run.end = at.end,
+                _ => runs.push(at),
+            }
+        }
+        let mut all = Self::default();
+        for run in runs {
+            let piece = &codes.codes[run];
+            for k in 1..LAGS.min(piece.len()) {
+                let pairs = piece.iter().zip(&piece[k..]);
+                let squares = pairs.map(|(&a, &b)| u64::from(a.abs_diff(b)).pow(2)).sum::<u64>();
+                all.sums[k] += squares as f64 * codes.unit * codes.unit;
+                all.counts[k] += (piece.len() - k) as u64;
+            }
+        }
+        all
+    }
+
+    /// Number of independent samples in a window.
+    fn degrees_of_freedom(&self, window: usize) -> f64 {
+        let at = |k: usize| self.sums[k] / self.counts[k].max(1) as f64;
+        let far = window / 2..window;
+        let variance = far.clone().map(at).sum::<f64>() / far.len() as f64;
+        let alike = |k: usize| (1.0 - at(k) / variance).clamp(-1.0, 1.0);
+        let more = (1..window / 2).map(|k| alike(k).powi(2)).sum::<f64>();
+        if variance > 0.0 { window as f64 / (1.0 + 2.0 * more) } else { window as f64 }
+    }
+
+    fn and(mut self, other: &Self) -> Self {
+        for k in 0..LAGS {
+            self.sums[k] += other.sums[k];
+            self.counts[k] += other.counts[k];
+        }
+        self
+    }
+}
