@@ -9,7 +9,7 @@ use super::finder::colour::{Colour, LAGS};
 use super::finder::{EchoFinder, FinderConfig, FoundEcho, samples};
 use super::response::at_rest;
 use super::response::robust::median;
-use super::rows::{Rows, evenly_spaced};
+use super::rows::{Rows, evenly_spaced, without_padding};
 
 /// Median length of the records of a long recording.
 const LONG: usize = 256;
@@ -62,6 +62,11 @@ impl Noise {
     /// Noise of a file's rows; `None` where too little of them is quiet.
     pub fn of_rows(rows: &Rows) -> Option<Self> {
         Self::measured(rows.len(), |row| rows.codes(row))
+    }
+
+    /// As [`Noise::of_rows`], of waveforms in memory.
+    pub fn of_waveforms(rows: &[Vec<f64>]) -> Option<Self> {
+        Self::measured(rows.len(), |row| Codes::from_samples(without_padding(&rows[row])))
     }
 
     /// Measures some of `rows` rows, evenly spaced.

@@ -387,6 +387,16 @@ impl<'a> Record<'a> {
         let (pulse, view) = scale(&bank, &x, sigma, known, colour);
         Self { search, code, x, sigma, pulse, view, narrow: bank.swap_remove(view) }
     }
+
+    /// What tops are measured on, and its noise gain, Q1.15.
+    fn viewed(&self) -> (Vec<f64>, f64) {
+        if self.view == 0 {
+            return (self.x.clone(), 32_768.0);
+        }
+        let (taps, white) = (taps(&self.narrow), self.narrow.noise_gain.into());
+        let gain = noise_gain(&taps, white, self.search.colour.as_ref());
+        (filtered(&taps, &self.x), gain)
+    }
 }
 
 /// The sharpened waveform, in which peaks are found.
@@ -418,7 +428,7 @@ impl Sharpened {
             least.max(if 5.0 * z < top { (5.0 * z / 32.0).floor() } else { 0.0 }).min(65_535.0)
         };
         let peaks = prominent_peaks(&self.z, 0, self.level, rise);
-        without_ringing(&peaks, &self.z, record.pulse, record.search.pulse.as_ref())
+        without_ringing(&peaks, &record.viewed().0, record.pulse, record.search.pulse.as_ref())
     }
 
     fn is_strong(&self, peak: &Peak) -> bool {
@@ -436,14 +446,7 @@ struct Seen<'a> {
 
 impl<'a> Seen<'a> {
     fn new(record: &'a Record<'a>) -> Self {
-        let (y, gain) = match record.view {
-            0 => (record.x.clone(), 32_768.0),
-            _ => {
-                let (taps, white) = (taps(&record.narrow), record.narrow.noise_gain.into());
-                let gain = noise_gain(&taps, white, record.search.colour.as_ref());
-                (filtered(&taps, &record.x), gain)
-            }
-        };
+        let (y, gain) = record.viewed();
         let prominence = nearest(record.sigma * gain / 262_144.0).max(1.0);
         Self { record, top: highest(&y), y, prominence }
     }
@@ -470,7 +473,9 @@ impl<'a> Seen<'a> {
             flags |= LOW_CONFIDENCE;
         }
         let fitted = component.filter(|_| record.view > 0 && !top.flat);
-        let timed = component.filter(|_| !top.flat && flags & TRUNCATED == 0);
+        let halves = sides.map(|side| side.map(|side| (side - top.time).abs()));
+        let is_tailed = matches!(halves, [Ok(a), Ok(b)] if a.max(b) >= 3.0 * a.min(b));
+        let timed = component.filter(|_| !top.flat && !is_tailed && flags & TRUNCATED == 0);
         Some(Echo {
             time: timed.map_or(top.time, |c| self.time(&top, &c)),
             amplitude: fitted.map_or_else(|| self.height(&top), |c| c.height),
@@ -529,15 +534,15 @@ fn limited(top: f64, component: &Component, noise: Option<f64>, pulse: Option<&P
     )
 }
 
-fn without_ringing(peaks: &[Peak], z: &[f64], width: f64, pulse: Option<&Pulse>) -> Vec<Peak> {
+fn without_ringing(peaks: &[Peak], y: &[f64], width: f64, pulse: Option<&Pulse>) -> Vec<Peak> {
     let mut kept: Vec<Peak> = Vec::new();
     for peak in peaks {
         let strong =
             peaks.iter().rev().find(|b| b.index < peak.index && b.height > 4.0 * peak.height);
         let swings = strong.is_some_and(|b| {
             let from = b.index.max(peak.index.saturating_sub(3 * width as usize));
-            4.0 * z[from..peak.index].iter().copied().fold(f64::INFINITY, f64::min)
-                <= -3.0 * peak.height
+            4.0 * y[from..peak.index].iter().copied().fold(f64::INFINITY, f64::min)
+                <= -3.0 * y[peak.index]
         });
         let mut expected = 0.0;
         for (pulse, b) in pulse.iter().flat_map(|&p| kept.iter().map(move |b| (p, b))) {

@@ -13,7 +13,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use echoloop_instruments::response::LEAST_ECHOES;
-use echoloop_instruments::{Finder, Noise, Options, Response, Rows, parse_waveforms};
+use echoloop_instruments::{Finder, Noise, Options, Response, parse_waveforms};
 use echoloop_random::Generator;
 use echoloop_tests::instruments::{Instrument, KINDS, Kind, LocalMaxima, Record, Score};
 
@@ -232,18 +232,11 @@ fn at_rest(seed: u64, records: u64, correlation: f64) -> Vec<Vec<f64>> {
     (0..records).map(record).collect()
 }
 
-/// Rows as of a file.
-fn rows_of(rows: &[Vec<f64>]) -> Rows {
-    let line = |row: &Vec<f64>| row.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
-    let text: Vec<String> = rows.iter().map(line).collect();
-    parse_waveforms(Path::new("waves.csv"), text.join("\n").into()).expect("rows")
-}
-
 #[test]
 fn noise_of_any_colour_makes_as_many_echoes_as_is_said() {
     for (seed, correlation) in [(1, 0.0), (2, 0.6), (3, 1.0), (4, 2.5)] {
         let rows = at_rest(seed, 600, correlation);
-        let noise = Noise::of_rows(&rows_of(&rows)).expect("rest");
+        let noise = Noise::of_waveforms(&rows).expect("rest");
         assert!((noise.sigma / 8.0 - 1.0).abs() < 0.03, "{correlation}: {}", noise.sigma);
         assert_eq!(noise.is_coloured(), correlation > 0.0);
         let search = Options { snr: 3.5, floor: 0.0, ..options(32) };
@@ -260,7 +253,7 @@ fn noise_is_measured_where_no_echo_is() {
     for (name, kind) in KINDS {
         for seed in SEEDS.start..SEEDS.start + 12 {
             let instrument = Instrument::drawn(kind, seed);
-            let noise = Noise::of_rows(&rows_of(&Recording::of(kind, seed, 100).rows));
+            let noise = Noise::of_waveforms(&Recording::of(kind, seed, 100).rows);
             // Rounding to codes is noise of 1/12.
             let sigma = (instrument.sigma.powi(2) + 1.0 / 12.0).sqrt();
             if let Some(noise) = noise {

@@ -14,6 +14,7 @@ mod instruments;
 mod limits;
 mod near_field;
 mod power;
+mod recordings;
 mod split;
 mod strongest;
 mod vector_equals_scalar;

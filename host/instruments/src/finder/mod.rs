@@ -196,7 +196,7 @@ impl EchoFinder {
         let sharpener = Sharpener::new(&narrow, (2 * scale.pulse / 3).max(1) as usize, SHARPNESS);
         self.padded.filter(sharpener.taps_in_pairs(), &mut self.sharp);
         let sigma = noise.after(sharpener.taps(), sharpener.noise_gain);
-        let (peaks, level) = self.peaks(sigma, scale.pulse, search);
+        let (peaks, level) = self.peaks(sigma, scale, search);
         let snr = ((i64::from(level) << 12) / i64::from(sigma.max(1))) as u32;
         self.threshold = Threshold { view: scale.view, snr };
         let mut found =
@@ -216,7 +216,7 @@ impl EchoFinder {
     }
 
     /// Peaks of the sharpened waveform without ringing, and T.
-    fn peaks(&self, sigma: u32, pulse: u32, search: &FinderConfig) -> (Peaks, i16) {
+    fn peaks(&self, sigma: u32, scale: Scale, search: &FinderConfig) -> (Peaks, i16) {
         let z = self.sharp.get(..self.padded.x().len()).unwrap_or_default();
         let top = i64::from(z.iter().copied().max().unwrap_or_default());
         let by_noise =
@@ -231,7 +231,8 @@ impl EchoFinder {
         };
         let mut found = Peaks::new();
         prominent_peaks(z.iter().copied(), 0, level, rise, &mut found);
-        without_ringing(&mut found, z, pulse, search.pulse.as_ref());
+        let y = if scale.view == 0 { self.padded.x() } else { &self.view };
+        without_ringing(&mut found, y, scale.pulse, search.pulse.as_ref());
         (found, level)
     }
 
@@ -242,7 +243,7 @@ impl EchoFinder {
     ///          top may lie outside; or if the top is no higher than the ambient
     /// top    = View::climb from the peak by at most max(1, ⌊pulse/2⌋) samples, on x if the view is
     ///          the bank's first, else on the view
-    /// time   = the top's, if it is flat or cut off or the peak is not strong; else that clamped to
+    /// time   = the top's, if it is flat, tailed or cut off or the peak is not strong; else within
     ///          u − max(X, skew + ε) .. u + max(X, −skew + ε), within the record
     /// X      = max(0, 18·σ_u − J) on x, 0 on the view;   ε = 2⁻⁴ samples
     /// J      = 23·σ·(σ_u² >> 8) / A                                       Q16.16, nearest
@@ -321,7 +322,7 @@ impl Context<'_> {
         let within = |time: i64| time.max(0).min(last);
         Some(FoundEcho {
             time: component
-                .filter(|_| !top.flat && !cut)
+                .filter(|_| !top.flat && !width.is_tailed && !cut)
                 .map_or(top.time, |c| within(self.limited(&top, c))),
             amplitude: fitted.map_or(self.amplitude(&top), |c| c.height),
             width: fitted.map_or(width.samples.unwrap_or(without), of_component),
@@ -367,10 +368,10 @@ const SWING: u32 = 3;
 ///
 /// A top is ringing in two cases. The nearest earlier one that is more than four times as high is
 /// followed by an undershoot of at least three quarters of the top's height, at most [`SWING`]
-/// pulse widths before it. Or the emitted pulse has later tops at the delays from earlier echoes,
-/// within a quarter of its width, and this one is at most 1.5 times as high as all of them
-/// together.
-fn without_ringing(found: &mut Peaks, z: &[i16], width: u32, pulse: Option<&Pulse>) {
+/// pulse widths before it; both in the view, for the sharpener makes undershoots of its own. Or the
+/// emitted pulse has later tops at the delays from earlier echoes, within a quarter of its width,
+/// and this one is at most 1.5 times as high as all of them together.
+fn without_ringing(found: &mut Peaks, y: &[i16], width: u32, pulse: Option<&Pulse>) {
     let all = core::mem::take(found);
     for peak in &all {
         let mut stronger = all
@@ -380,9 +381,10 @@ fn without_ringing(found: &mut Peaks, z: &[i16], width: u32, pulse: Option<&Puls
         let swings = stronger.next().is_some_and(|strong| {
             let recent = usize::from(peak.index).saturating_sub((SWING * width) as usize);
             let between =
-                z.get(recent.max(strong.index.into())..usize::from(peak.index)).unwrap_or_default();
+                y.get(recent.max(strong.index.into())..usize::from(peak.index)).unwrap_or_default();
             let lowest = between.iter().copied().min().unwrap_or_default();
-            4 * i32::from(lowest) <= -3 * i32::from(peak.height)
+            let height = y.get(usize::from(peak.index)).copied().unwrap_or_default();
+            4 * i32::from(lowest) <= -3 * i32::from(height)
         });
         let expected =
             pulse.map_or(0, |pulse| found.iter().map(|b| pulse.ringing_at(b, peak)).sum());

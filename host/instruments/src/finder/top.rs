@@ -48,7 +48,13 @@ pub struct Width {
     pub samples: Option<i64>,
     /// [`Flags::MERGED`] and [`Flags::TRUNCATED`], of both sides.
     pub flags: Flags,
+    /// True when one half is at least three times as wide as the other.
+    pub is_tailed: bool,
 }
+
+/// Least ratio of the two halves of the width of a tailed echo: its middle says nothing of its top.
+/// Two echoes in one lobe, or a slope, have less.
+const TAILED: i64 = 3;
 
 impl View<'_> {
     fn value(&self, index: usize) -> Option<i64> {
@@ -147,7 +153,11 @@ impl View<'_> {
             (Some(side), None) | (None, Some(side)) => Some(2 * (side - top.time).abs()),
             (None, None) => None,
         };
-        Width { samples, flags: left_flag | right_flag }
+        let half = |side: Option<i64>| side.map(|side| (side - top.time).abs());
+        let is_tailed = half(left)
+            .zip(half(right))
+            .is_some_and(|(left, right)| left.max(right) >= TAILED * left.min(right));
+        Width { samples, flags: left_flag | right_flag, is_tailed }
     }
 
     fn crossing(&self, top: &Top, direction: isize) -> (Option<i64>, Flags) {
@@ -221,7 +231,10 @@ mod tests {
     fn the_width_is_that_at_half_height() {
         let y = view(&[0, 0, 40, 80, 40, 0, 0]);
         let top = y.climb(2, 9);
-        assert_eq!(y.width(&top), Width { samples: Some(2 << 16), flags: Flags::NONE });
+        assert_eq!(
+            y.width(&top),
+            Width { samples: Some(2 << 16), flags: Flags::NONE, is_tailed: false }
+        );
     }
 
     #[test]
@@ -232,7 +245,11 @@ mod tests {
         let top = cut.climb(2, 9);
         assert_eq!(
             cut.width(&top),
-            Width { samples: Some(2 * (top.time - (1 << 16))), flags: Flags::TRUNCATED }
+            Width {
+                samples: Some(2 * (top.time - (1 << 16))),
+                flags: Flags::TRUNCATED,
+                is_tailed: false
+            }
         );
     }
 

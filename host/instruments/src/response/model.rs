@@ -79,8 +79,7 @@ impl Response {
     /// As [`Response::of_rows`], from waveforms in memory.
     pub fn of_waveforms(rows: &[Vec<f64>], least: usize) -> Result<Self, NoResponse> {
         let codes = |row: usize| Codes::from_samples(without_padding(&rows[row]));
-        let noise = Noise::measured(rows.len(), codes);
-        Self::of_codes(rows.len(), least, codes, &[], noise)
+        Self::of_codes(rows.len(), least, codes, &[], Noise::of_waveforms(rows))
     }
 
     fn of_codes(

@@ -1,0 +1,71 @@
+//! Recordings as people's instruments make them: behind a mirror, with a long tail, in a changing
+//! background. Drawn at random, with the truth known.
+
+use echoloop_instruments::{Echo, Finder, Noise, Options};
+use echoloop_random::Generator;
+
+const OPTIONS: Options =
+    Options { sample_ns: 1.0, snr: 5.0, floor: 0.05, max_echoes: 32, min_separation_ns: 0.0 };
+
+/// Full width at half maximum over σ.
+const WIDTH: f64 = 2.354_82;
+
+/// A Gaussian echo of `width` around `time`.
+fn pulse(n: usize, time: f64, width: f64) -> f64 {
+    (-0.5 * ((n as f64 - time) * WIDTH / width).powi(2)).exp()
+}
+
+/// Echoes of records of `samples` codes around 200, with noise of σ 2.
+fn found(
+    options: Options,
+    seed: u64,
+    samples: usize,
+    signals: &[&dyn Fn(usize) -> f64],
+) -> Vec<Vec<Echo>> {
+    let record = |(row, signal): (usize, &&dyn Fn(usize) -> f64)| {
+        let noise = Generator::new(seed, row as u64).normals(samples);
+        let value =
+            |(n, noise): (usize, f64)| (200.0 + signal(n) + 2.0 * noise).round().clamp(0.0, 4095.0);
+        noise.into_iter().enumerate().map(value).collect()
+    };
+    let rows: Vec<Vec<f64>> = signals.iter().enumerate().map(record).collect();
+    let finder = Finder::new(options).with_noise(Noise::of_waveforms(&rows));
+    finder.find(&rows, &[]).into_iter().map(|waveform| waveform.echoes).collect()
+}
+
+#[test]
+fn a_weak_wall_behind_a_mirror_is_found() {
+    for (seed, height) in [(1, 30.0), (2, 60.0), (3, 100.0), (4, 230.0)] {
+        let draw = &mut Generator::new(seed, 77);
+        for _ in 0..10 {
+            let (long, apart) = (draw.range(20.0, 250.0), draw.range(25.0, 150.0));
+            let at = 120.0 + long + apart;
+            let signal = |n: usize| {
+                let saturated = (120.0..120.0 + long).contains(&(n as f64));
+                if saturated { 4000.0 } else { height * pulse(n, at, 7.0) }
+            };
+            let echoes =
+                found(Options { floor: 0.005, ..OPTIONS }, seed, 600, &[&signal]).remove(0);
+            assert_eq!(echoes.len(), 2, "{height} at {at} behind {long}: {echoes:?}");
+            assert!((echoes[1].time_ns - at).abs() < 1.0, "{at}: {echoes:?}");
+        }
+    }
+}
+
+#[test]
+fn the_time_of_an_echo_with_a_long_tail_is_that_of_its_peak() {
+    for (seed, tail) in [(2, 40.0), (3, 80.0)] {
+        let draw = &mut Generator::new(seed, 78);
+        for _ in 0..10 {
+            let (begin, rise) = (80.0 + draw.unit(), draw.range(2.0, 4.0));
+            let signal = |n: usize| {
+                let t = (n as f64 - begin).max(0.0);
+                1500.0 * ((-t / tail).exp() - (-t / rise).exp())
+            };
+            let peak = begin + (tail / rise).ln() * rise * tail / (tail - rise);
+            let echoes = found(OPTIONS, seed, 400, &[&signal]).remove(0);
+            assert_eq!(echoes.len(), 1, "{tail}: {echoes:?}");
+            assert!((echoes[0].time_ns - peak).abs() < 1.5, "{tail}: {peak}, {echoes:?}");
+        }
+    }
+}
