@@ -109,14 +109,21 @@ fn print_all(
     rows: &Rows,
     outgoing: Option<&Rows>,
 ) -> Result<(), Failure> {
-    let (json, mut echoes, mut false_alarms) = (args.common.json, 0, 0.0);
+    let (json, mut echoes, mut false_alarms, mut levelled) = (args.common.json, 0, 0.0, 0);
     print(if json { "" } else { HEADING })?;
     for start in (0..rows.len()).step_by(AT_A_TIME) {
         let part = start..(start + AT_A_TIME).min(rows.len());
         let found = finder.find_some(rows, outgoing, part);
         print(&if json { lines(&found)? } else { table(&found) })?;
+        levelled += found.iter().filter(|waveform| waveform.background != 0.0).count();
         false_alarms += found.iter().map(|waveform| waveform.false_alarms).sum::<f64>();
         echoes += found.iter().map(|waveform| waveform.echoes.len()).sum::<usize>();
+    }
+    if !args.common.quiet && levelled > 0 {
+        say(format_args!(
+            "remark: the background changes in {levelled} of {} rows, and was taken out",
+            rows.len()
+        ));
     }
     if !args.common.quiet {
         say(format_args!("noise alone would make {} echoes", few(false_alarms)));

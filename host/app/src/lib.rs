@@ -135,9 +135,10 @@ enum Command {
     Register(register::RegisterArgs),
     /// Find the echoes of waveforms that another instrument recorded.
     ///
-    /// With --json, one line a waveform: {"waveform": i, "outgoing_peak_ns": …, "false_alarms": …,
-    /// "echoes": [{"time_ns": …, "amplitude": …, "width_ns": …, "snr": …, "flags": […]}]}, times
-    /// from the row's first sample, amplitudes above ambient in the input's units.
+    /// With --json, one line a waveform: {"waveform": i, "outgoing_peak_ns": …, "background": …,
+    /// "false_alarms": …, "echoes": [{"time_ns": …, "amplitude": …, "width_ns": …, "snr": …,
+    /// "flags": […]}]}, times from the row's first sample, amplitudes above ambient in the input's
+    /// units.
     Echoes(echoes::EchoesArgs),
     /// Read a road network (OpenDRIVE): facts about it, its waypoints as a table.
     ///

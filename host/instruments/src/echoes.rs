@@ -6,6 +6,7 @@ use echoloop_dsp::{Flags, MAX_SAMPLES};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::background;
 use super::codes::Codes;
 use super::finder::colour::Colour;
 use super::finder::scale::WIDTHS;
@@ -55,6 +56,8 @@ pub struct Waveform {
     pub waveform: usize,
     /// Time from the first sample of the outgoing pulse's row to its peak, ns; `None` without one.
     pub outgoing_peak_ns: Option<f64>,
+    /// Change of the background within the record that was taken out, in the input's units.
+    pub background: f64,
     /// Expected number of echoes that noise alone makes in a record at rest as long as this: see
     /// [`Noise`].
     pub false_alarms: f64,
@@ -158,7 +161,11 @@ impl Finder {
         codes: &Codes,
         pulse: Option<Pulse>,
     ) -> Waveform {
-        let search = self.search(codes.shift, pulse.or_else(|| self.known_pulse()));
+        let known = pulse.or_else(|| self.known_pulse());
+        let width = known.map(|pulse| samples(pulse.width));
+        let levelled = background::levelled(finder, codes, width, self.colour());
+        let (codes, change) = levelled.as_ref().map_or((codes, 0.0), |(codes, by)| (codes, *by));
+        let search = self.search(codes.shift, known);
         let mut false_alarms = 0.0;
         let mut found = pieces(finder, &codes.codes, &search, |samples, threshold| {
             let snr = f64::from(threshold.snr) / 256.0;
@@ -182,7 +189,7 @@ impl Finder {
         let echoes = found.iter().map(echo).collect();
         let outgoing_peak_ns = pulse.map(|pulse| self.ns(pulse.time));
         let false_alarms = shortened(false_alarms);
-        Waveform { waveform, outgoing_peak_ns, false_alarms, echoes }
+        Waveform { waveform, outgoing_peak_ns, background: shortened(change), false_alarms, echoes }
     }
 
     /// Names of an echo's flags.

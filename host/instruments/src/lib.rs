@@ -30,6 +30,7 @@
 //! ```
 
 mod axis;
+mod background;
 pub mod codes;
 mod csv;
 pub mod echoes;

@@ -69,3 +69,58 @@ fn the_time_of_an_echo_with_a_long_tail_is_that_of_its_peak() {
         }
     }
 }
+
+/// Times of one or two echoes of σ 2.6 samples, at least 60 apart, and their sum.
+fn echoes_of(draw: &mut Generator, samples: usize) -> (Vec<f64>, impl Fn(usize) -> f64 + use<>) {
+    let first = draw.range(70.0, 0.4 * samples as f64);
+    let mut placed = vec![(first, draw.range(100.0, 1000.0))];
+    if draw.chance(0.5) {
+        placed.push((first + draw.range(60.0, 120.0), draw.range(100.0, 1000.0)));
+    }
+    let times = placed.iter().map(|echo| echo.0).collect();
+    (times, move |n| placed.iter().map(|&(at, height)| height * pulse(n, at, 6.0)).sum())
+}
+
+#[test]
+fn a_background_that_drifts_or_steps_makes_and_hides_no_echo() {
+    type Change = fn(f64, f64) -> f64;
+    let kinds: [(&str, Change); 4] = [
+        ("ramp", |share, _| share),
+        ("decay", |share, at| (-share / at).exp()),
+        ("swing", |share, at| (7.0 * (share + at)).sin() / 2.0),
+        ("step", |share, at| 1.0 / (1.0 + (-400.0 * (share - 0.6 - 0.3 * at)).exp())),
+    ];
+    for (kind, (name, change)) in kinds.into_iter().enumerate() {
+        let draw = &mut Generator::new(91, kind as u64);
+        let (mut lost, mut extra, mut total) = (0, 0, 0);
+        for seed in 0..40 {
+            let samples = 300 + 100 * draw.index(6);
+            let (times, echoes) = echoes_of(draw, samples);
+            let (most, at) = (draw.range(50.0, 400.0), draw.range(0.3, 1.0));
+            let signal =
+                |n: usize| 300.0 + echoes(n) + most * change(n as f64 / samples as f64, at);
+            let found = found(OPTIONS, seed, samples, &[&signal]).remove(0);
+            let is_near = |time: &&f64| found.iter().any(|e| (e.time_ns - **time).abs() < 2.0);
+            let hits = times.iter().filter(is_near).count();
+            (lost, extra) = (lost + times.len() - hits, extra + found.len() - hits);
+            total += times.len();
+        }
+        assert!(lost <= 1 && extra <= 6, "{name}: {lost} of {total} lost, {extra} extra");
+    }
+}
+
+#[test]
+fn a_level_background_changes_nothing() {
+    let draw = &mut Generator::new(92, 0);
+    for seed in 0..30 {
+        let (times, echoes) = echoes_of(draw, 500);
+        let rows: Vec<f64> = Generator::new(seed, 0)
+            .normals(500)
+            .into_iter()
+            .enumerate()
+            .map(|(n, noise)| (200.0 + echoes(n) + 2.0 * noise).round())
+            .collect();
+        let found = Finder::new(OPTIONS).find(&[rows], &[]).remove(0);
+        assert_eq!((found.background, found.echoes.len()), (0.0, times.len()), "{seed}");
+    }
+}
