@@ -1,5 +1,6 @@
 //! `echoloop echoes`.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -13,7 +14,7 @@ use super::exit::{Failure, print};
 use super::number::{ANY, number_as};
 use super::response::{ResponseArgs, doubt_line, response_line};
 use echoloop_instruments::{
-    Finder, Noise, Options, Polarity, Rows, Waveform, echoes, read_waveforms,
+    Finder, Noise, Options, Polarity, Reason, Rows, Waveform, echoes, read_waveforms,
 };
 
 /// Flags of `echoes`.
@@ -50,6 +51,9 @@ pub(crate) struct EchoesArgs {
     #[arg(long, default_value_t = MAX_CANDIDATES, value_name = "N",
           value_parser = number_as::<usize>(ANY))]
     max_echoes: usize,
+    /// Row, from 0, whose tops that are no echoes are listed, with the reasons.
+    #[arg(long, value_name = "ROW", conflicts_with = "json")]
+    explain: Option<usize>,
     /// Least distance of two echoes, ns; the stronger stays.
     #[arg(long, default_value_t = 0.0, value_name = "NS")]
     min_separation_ns: f64,
@@ -77,6 +81,10 @@ pub(super) fn run(args: &EchoesArgs) -> Result<(), Failure> {
     checked(args)?;
     let outputs = args.response.outputs()?;
     let rows = waveforms(args, &args.waves)?;
+    if let Some(row) = args.explain.filter(|row| *row >= rows.len()) {
+        let (path, count) = (args.waves.display(), rows.len());
+        return Err(Failure::usage(format!("--explain {row}: {path} has {count} rows, from 0")));
+    }
     let sample_ns = sample_ns(args.sample_ns, &args.waves, &rows)?;
     let finder = Finder::new(options(args, sample_ns));
     let outgoing = args.outgoing.as_ref();
@@ -110,11 +118,18 @@ fn print_all(
     outgoing: Option<&Rows>,
 ) -> Result<(), Failure> {
     let (json, mut echoes, mut false_alarms, mut levelled) = (args.common.json, 0, 0.0, 0);
+    let mut dropped = BTreeMap::new();
     print(if json { "" } else { HEADING })?;
     for start in (0..rows.len()).step_by(AT_A_TIME) {
         let part = start..(start + AT_A_TIME).min(rows.len());
         let found = finder.find_some(rows, outgoing, part);
         print(&if json { lines(&found)? } else { table(&found) })?;
+        for top in found.iter().flat_map(|waveform| &waveform.dropped) {
+            *dropped.entry(top.reason).or_insert(0) += 1;
+        }
+        if let Some(row) = args.explain {
+            print(&explained(&found, row))?;
+        }
         levelled += found.iter().filter(|waveform| waveform.background != 0.0).count();
         false_alarms += found.iter().map(|waveform| waveform.false_alarms).sum::<f64>();
         echoes += found.iter().map(|waveform| waveform.echoes.len()).sum::<usize>();
@@ -125,6 +140,9 @@ fn print_all(
             rows.len()
         ));
     }
+    if !args.common.quiet && !dropped.is_empty() {
+        say(dropped_line(&dropped));
+    }
     if !args.common.quiet {
         say(format_args!("noise alone would make {} echoes", few(false_alarms)));
     }
@@ -132,6 +150,43 @@ fn print_all(
         true => Ok(()),
         false => print(&format!("{echoes} echoes in {} waveforms\n", rows.len())),
     }
+}
+
+/// Why a top is no echo.
+fn why(reason: Reason) -> &'static str {
+    match reason {
+        Reason::Ringing => "ringing after an undershoot, or as in the emitted pulse",
+        Reason::Cut => "at an end of the row, or not above the ambient",
+        Reason::Near => "nearer than the least separation to a higher one",
+        Reason::Surplus => "more than --max-echoes",
+        Reason::Gap => "beside missing samples, or on a step of the background",
+        Reason::Response => "explained by the response of other echoes",
+        Reason::Floor => "below --floor",
+    }
+}
+
+/// Number of tops that are no echoes, by reason.
+fn dropped_line(dropped: &BTreeMap<Reason, usize>) -> String {
+    let parts: Vec<String> =
+        dropped.iter().map(|(reason, count)| format!("{count} {}", why(*reason))).collect();
+    format!("tops that are no echoes: {} (--explain ROW lists a row's)", parts.join("; "))
+}
+
+/// A row's tops that are no echoes.
+fn explained(found: &[Waveform], row: usize) -> String {
+    let mut text = String::new();
+    let waveform = found.iter().find(|waveform| waveform.waveform == row);
+    for top in waveform.iter().flat_map(|waveform| &waveform.dropped) {
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            text,
+            "{row:>8} {:>12.3} {:>12.5}  no echo: {}",
+            top.time_ns,
+            top.amplitude,
+            why(top.reason)
+        );
+    }
+    text
 }
 
 /// A small expected number, to two digits.

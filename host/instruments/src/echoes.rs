@@ -10,7 +10,9 @@ use super::background;
 use super::codes::Codes;
 use super::finder::colour::Colour;
 use super::finder::scale::WIDTHS;
-use super::finder::{EchoFinder, FinderConfig, FoundEcho, Pulse, Threshold, from_samples, samples};
+use super::finder::{
+    Dropped, EchoFinder, FinderConfig, FoundEcho, Pulse, Reason, Threshold, from_samples, samples,
+};
 use super::noise::Noise;
 use super::response::{Candidate, Record, Response, Verdict, at_rest};
 use super::rows::{Rows, without_padding};
@@ -63,6 +65,40 @@ pub struct Waveform {
     pub false_alarms: f64,
     /// Echoes by rising time.
     pub echoes: Vec<Echo>,
+    /// Tops above the threshold that are no echoes.
+    #[serde(skip)]
+    pub dropped: Vec<DroppedTop>,
+}
+
+/// A top that is no echo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DroppedTop {
+    /// Time from the row's first sample, ns.
+    pub time_ns: f64,
+    /// Height above ambient, in the input's units.
+    pub amplitude: f64,
+    /// Why it is none.
+    pub reason: Reason,
+}
+
+/// Tops of a record: echoes so far, and those that are none.
+#[derive(Default)]
+struct Tops {
+    found: Vec<FoundEcho>,
+    dropped: Vec<Dropped>,
+}
+
+impl Tops {
+    fn drop_if(&mut self, reason: Reason, mut is_none: impl FnMut(&mut FoundEcho) -> bool) {
+        let Self { found, dropped } = self;
+        found.retain_mut(|echo| {
+            let goes = is_none(echo);
+            if goes {
+                dropped.push(Dropped { time: echo.time, amplitude: echo.amplitude, reason });
+            }
+            !goes
+        });
+    }
 }
 
 /// Samples that two pieces of a long record share.
@@ -166,30 +202,45 @@ impl Finder {
         let levelled = background::levelled(finder, codes, width, self.colour());
         let (codes, change) = levelled.as_ref().map_or((codes, 0.0), |(codes, by)| (codes, *by));
         let search = self.search(codes.shift, known);
-        let mut false_alarms = 0.0;
-        let mut found = pieces(finder, &codes.codes, &search, |samples, threshold| {
+        let (mut false_alarms, mut tops) = (0.0, Tops::default());
+        pieces(finder, &codes.codes, &search, &mut tops, |samples, threshold| {
             let snr = f64::from(threshold.snr) / 256.0;
             let rate = self.crossings.get(threshold.view).copied().unwrap_or_default();
             let looks = if search.pulse.is_some() { 1.0 } else { (MORE * snr - LESS).max(1.0) };
             false_alarms += looks * samples as f64 * rate * (-0.5 * snr * snr).exp();
         });
-        found.retain(|echo| !codes.is_beside_gap(samples(echo.top).round() as usize));
+        let is_beside_gap =
+            |echo: &mut FoundEcho| codes.is_beside_gap(samples(echo.top).round() as usize);
+        tops.drop_if(Reason::Gap, is_beside_gap);
         if let Some(response) = &self.response {
-            drop_explained(response, codes, self.colour(), &mut found);
+            drop_explained(response, codes, self.colour(), &mut tops);
         }
-        let highest = found.iter().map(|echo| echo.amplitude).max().unwrap_or_default();
-        found.retain(|echo| {
-            echo.amplitude as f64 >= self.options.floor * highest as f64
-                || codes.codes.len() <= MAX_SAMPLES
+        let highest = tops.found.iter().map(|echo| echo.amplitude).max().unwrap_or_default();
+        tops.drop_if(Reason::Floor, |echo| {
+            (echo.amplitude as f64) < self.options.floor * highest as f64
+                && codes.codes.len() > MAX_SAMPLES
         });
-        found.sort_by_key(|echo| echo.amplitude);
-        found.drain(..found.len().saturating_sub(self.options.max_echoes));
+        tops.found.sort_by_key(|echo| echo.amplitude);
+        let mut surplus = tops.found.len().saturating_sub(self.options.max_echoes);
+        tops.drop_if(Reason::Surplus, |_| {
+            let is_surplus = surplus > 0;
+            surplus = surplus.saturating_sub(1);
+            is_surplus
+        });
+        let Tops { mut found, dropped } = tops;
         found.sort_by_key(|echo| echo.time);
+        let dropped = dropped.into_iter().map(|top| DroppedTop {
+            time_ns: self.ns(top.time),
+            amplitude: shortened(codes.to_units(top.amplitude)),
+            reason: top.reason,
+        });
+        let dropped = dropped.collect();
         let echo = |echo| Echo { flags: self.flags(echo, &found), ..self.echo(echo, codes) };
         let echoes = found.iter().map(echo).collect();
         let outgoing_peak_ns = pulse.map(|pulse| self.ns(pulse.time));
         let false_alarms = shortened(false_alarms);
-        Waveform { waveform, outgoing_peak_ns, background: shortened(change), false_alarms, echoes }
+        let background = shortened(change);
+        Waveform { waveform, outgoing_peak_ns, background, false_alarms, echoes, dropped }
     }
 
     /// Names of an echo's flags.
@@ -254,13 +305,8 @@ fn finder() -> Box<EchoFinder> {
 
 /// Drops the tops that the response explains. An echo that took in other tops gets the time and
 /// width of all together.
-fn drop_explained(
-    response: &Response,
-    codes: &Codes,
-    colour: Option<Colour>,
-    found: &mut Vec<FoundEcho>,
-) {
-    if found.len() < 2 {
+fn drop_explained(response: &Response, codes: &Codes, colour: Option<Colour>, tops: &mut Tops) {
+    if tops.found.len() < 2 {
         return;
     }
     let (x, sigma) = at_rest(codes, colour);
@@ -269,15 +315,15 @@ fn drop_explained(
         height: codes.of_height(echo.amplitude),
         width: samples(echo.width),
     };
-    let candidates: Vec<Candidate> = found.iter().map(candidate).collect();
+    let candidates: Vec<Candidate> = tops.found.iter().map(candidate).collect();
     let record = Record { x: &x, sigma, unit: codes.unit };
     let mut verdicts = response.explain(&record, &candidates).into_iter();
-    found.retain_mut(|echo| match verdicts.next() {
+    tops.drop_if(Reason::Response, |echo| match verdicts.next() {
         Some(Verdict::Whole { time, width }) => {
             (echo.time, echo.width) = (from_samples(time), from_samples(width));
-            true
+            false
         }
-        verdict => verdict != Some(Verdict::Explained),
+        verdict => verdict == Some(Verdict::Explained),
     });
 }
 
@@ -298,10 +344,10 @@ fn pieces(
     finder: &mut EchoFinder,
     codes: &[u16],
     search: &FinderConfig,
+    tops: &mut Tops,
     mut searched: impl FnMut(usize, Threshold),
-) -> Vec<FoundEcho> {
+) {
     let step = MAX_SAMPLES - OVERLAP;
-    let mut found = Vec::new();
     let mut start = 0;
     let highest = codes.iter().max();
     loop {
@@ -310,20 +356,23 @@ fn pieces(
         let from = if start == 0 { i64::MIN } else { (OVERLAP as i64 / 2) << 16 };
         let to =
             if end == codes.len() { i64::MAX } else { ((MAX_SAMPLES - OVERLAP / 2) as i64) << 16 };
+        let in_record = |time: i64| time + ((start as i64) << 16);
         for echo in finder.echoes(&codes[start..end], search) {
             if (from..to).contains(&echo.time) {
                 let clipped = if is_lower { Flags::SATURATED.0 } else { 0 };
                 let flags = Flags(echo.flags.0 & !clipped);
-                let in_record = |time: i64| time + ((start as i64) << 16);
                 let (time, top, centre) =
                     (in_record(echo.time), in_record(echo.top), in_record(echo.centre));
-                found.push(FoundEcho { time, top, centre, flags, ..echo });
+                tops.found.push(FoundEcho { time, top, centre, flags, ..echo });
             }
         }
+        let dropped = finder.dropped().iter().filter(|top| (from..to).contains(&top.time));
+        let dropped = dropped.map(|top| Dropped { time: in_record(top.time), ..*top });
+        tops.dropped.extend(dropped);
         let inner = if end == codes.len() { end - start } else { step };
         searched(inner, finder.threshold());
         if end == codes.len() {
-            return found;
+            return;
         }
         start += step;
     }

@@ -46,7 +46,8 @@ mod rows;
 mod scope;
 
 pub use axis::TimeAxis;
-pub use echoes::{Echo, Finder, Options, POSSIBLE_REPEAT, Waveform};
+pub use echoes::{DroppedTop, Echo, Finder, Options, POSSIBLE_REPEAT, Waveform};
+pub use finder::Reason;
 pub use noise::Noise;
 pub use polarity::Polarity;
 pub use read::{parse_waveforms, read_table, read_waveforms};

@@ -539,6 +539,51 @@ fn what_the_instrument_repeats_after_every_echo_is_no_echo() {
 }
 
 #[test]
+fn tops_that_are_no_echoes_are_counted_and_listed_with_the_reason() {
+    let fixture = Fixture::new();
+    fixture.write("waves.csv", csv(&ringing_rows(160)));
+    let explain = |more: &[&str]| {
+        fixture.succeed(
+            &[&["echoes", "waves.csv", "--sample-ns", "1", "--explain", "1"], more].concat(),
+        )
+    };
+    let output = explain(&[]);
+    // Row 1: an echo at 30.37, its repeat 23.4 later, and a second echo 41 later.
+    let listed: Vec<&str> = output.stdout.lines().filter(|line| line.contains("no echo")).collect();
+    let times: Vec<f64> =
+        listed.iter().filter_map(|line| line.split_whitespace().nth(1)?.parse().ok()).collect();
+    assert!(
+        times.iter().any(|time| (time - 53.77).abs() < 1.5)
+            && listed.iter().all(|line| line.contains("response of other echoes")),
+        "{}",
+        output.stdout
+    );
+    assert!(output.stderr.contains("explained by the response of other echoes"));
+    let kept = explain(&["--max-echoes", "1"]);
+    assert!(kept.stdout.contains("no echo: more than --max-echoes"), "{}", kept.stdout);
+    let beyond = ["echoes", "waves.csv", "--sample-ns", "1", "--explain", "160"];
+    fixture.refuses(&beyond, &["--explain 160", "160 rows"]);
+}
+
+#[test]
+fn a_background_that_steps_is_said_and_makes_no_echo() {
+    let fixture = Fixture::new();
+    let row = |i: u32| -> Vec<f64> {
+        let echo = record(300, 200.0, &[(80.0 + f64::from(i) / 10.0, 1000.0, 6.0)]);
+        let step = |n: usize| if n < 150 { 0.0 } else { 300.0 };
+        echo.iter()
+            .enumerate()
+            .map(|(n, v)| v + step(n) + f64::from((n as u32 * 7 + i) % 5))
+            .collect()
+    };
+    let rows: Vec<Vec<f64>> = (0..10).map(row).collect();
+    fixture.write("waves.csv", csv(&rows));
+    let output = fixture.succeed(&["echoes", "waves.csv", "--sample-ns", "1"]);
+    assert!(output.stdout.ends_with("10 echoes in 10 waveforms\n"), "{}", output.stdout);
+    assert!(output.stderr.contains("background changes in 10 of 10 rows"), "{}", output.stderr);
+}
+
+#[test]
 fn the_response_is_told_drawn_written_and_read_again() {
     let fixture = Fixture::new();
     let rows = ringing_rows(160);

@@ -121,6 +121,42 @@ pub struct Threshold {
     pub snr: u32,
 }
 
+/// Reason why a top above the threshold is no echo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Reason {
+    /// The receiver swings back after an undershoot, or the emitted pulse has such a later top.
+    Ringing,
+    /// It touches an end of the record, or lies no higher than the ambient.
+    Cut,
+    /// A higher one is nearer than the least separation.
+    Near,
+    /// There are as many higher ones as echoes are kept.
+    Surplus,
+    /// It lies beside missing samples, or on a step of the background.
+    Gap,
+    /// The response of other echoes explains it.
+    Response,
+    /// It is below the least share of the highest.
+    Floor,
+}
+
+/// A top that is no echo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Dropped {
+    /// Time, Q16.16 samples.
+    pub time: i64,
+    /// Height above ambient, Q1.15; of [`Reason::Ringing`] and [`Reason::Cut`] after the sharpener.
+    pub amplitude: i64,
+    /// Why it is none.
+    pub reason: Reason,
+}
+
+impl Dropped {
+    fn of_peak(peak: &Peak, reason: Reason) -> Self {
+        Self { time: i64::from(peak.index) << 16, amplitude: peak.height.into(), reason }
+    }
+}
+
 /// Echoes by rising time.
 pub type FoundEchoes = Vec<FoundEcho, MAX_CANDIDATES>;
 
@@ -136,6 +172,7 @@ pub struct EchoFinder {
     order: [u16; MAX_SAMPLES],
     model: [i32; MAX_SAMPLES],
     threshold: Threshold,
+    dropped: Vec<Dropped, { 2 * MAX_CANDIDATES }>,
 }
 
 impl Default for EchoFinder {
@@ -155,6 +192,7 @@ impl EchoFinder {
             order: [0; MAX_SAMPLES],
             model: [0; MAX_SAMPLES],
             threshold: Threshold::default(),
+            dropped: Vec::new(),
         }
     }
 
@@ -175,6 +213,7 @@ impl EchoFinder {
     /// highest stay, ties to the first, each at least min_separation from every other that stays:
     /// two peaks that climb to one clipped top are one echo.
     pub fn echoes(&mut self, codes: &[u16], search: &FinderConfig) -> FoundEchoes {
+        self.dropped.clear();
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
         let shift = search.code_shift.clamp(1, 7);
         if codes.len() < 3 {
@@ -201,7 +240,7 @@ impl EchoFinder {
         self.threshold = Threshold { view: scale.view, snr };
         let mut found =
             self.place(&peaks, &Context { search, scale, narrow: &narrow, noise, sigma, level });
-        keep_strongest(&mut found, search);
+        keep_strongest(&mut found, search, &mut self.dropped);
         found
     }
 
@@ -210,13 +249,18 @@ impl EchoFinder {
         self.threshold
     }
 
+    /// Tops of the last record above its threshold that are no echoes.
+    pub fn dropped(&self) -> &[Dropped] {
+        &self.dropped
+    }
+
     /// Taps of a filter of [`scale::WIDTHS`], Q1.15.
     pub fn taps(&self, view: usize) -> &[i16] {
         self.bank.template(view).map_or(&[], Template::taps)
     }
 
     /// Peaks of the sharpened waveform without ringing, and T.
-    fn peaks(&self, sigma: u32, scale: Scale, search: &FinderConfig) -> (Peaks, i16) {
+    fn peaks(&mut self, sigma: u32, scale: Scale, search: &FinderConfig) -> (Peaks, i16) {
         let z = self.sharp.get(..self.padded.x().len()).unwrap_or_default();
         let top = i64::from(z.iter().copied().max().unwrap_or_default());
         let by_noise =
@@ -232,7 +276,10 @@ impl EchoFinder {
         let mut found = Peaks::new();
         prominent_peaks(z.iter().copied(), 0, level, rise, &mut found);
         let y = if scale.view == 0 { self.padded.x() } else { &self.view };
+        let all = found.clone();
         without_ringing(&mut found, y, scale.pulse, search.pulse.as_ref());
+        let ringing = all.iter().filter(|peak| found.iter().all(|kept| kept.index != peak.index));
+        self.dropped.extend(ringing.map(|peak| Dropped::of_peak(peak, Reason::Ringing)));
         (found, level)
     }
 
@@ -265,9 +312,13 @@ impl EchoFinder {
         let mut components = components.into_iter();
         let place = |peak: &Peak| {
             let component = if is_strong(peak) { components.next() } else { None };
-            context.echo(&view, peak, component.as_ref())
+            let echo = context.echo(&view, peak, component.as_ref());
+            echo.ok_or(Dropped::of_peak(peak, Reason::Cut))
         };
-        peaks.iter().filter_map(place).collect()
+        let placed: Vec<Result<FoundEcho, Dropped>, MAX_CANDIDATES> =
+            peaks.iter().map(place).collect();
+        self.dropped.extend(placed.iter().filter_map(|place| place.err()));
+        placed.into_iter().filter_map(Result::ok).collect()
     }
 }
 
@@ -430,17 +481,25 @@ pub fn from_samples(time: f64) -> i64 {
 
 /// Keeps the highest echoes, ties to the first, each far enough from those already kept; sorted by
 /// rising time.
-fn keep_strongest(found: &mut FoundEchoes, search: &FinderConfig) {
+fn keep_strongest(
+    found: &mut FoundEchoes,
+    search: &FinderConfig,
+    dropped: &mut Vec<Dropped, { 2 * MAX_CANDIDATES }>,
+) {
     let apart = i64::from(search.min_separation.max(1)) << 16;
     let mut order: Vec<FoundEcho, MAX_CANDIDATES> = found.clone();
     order.sort_unstable_by_key(|echo| (Reverse(echo.amplitude), echo.time));
     found.clear();
     for echo in order {
-        if found.len() < search.echoes
-            && found.iter().all(|kept| (kept.time - echo.time).abs() >= apart)
-        {
+        let is_apart = found.iter().all(|kept| (kept.time - echo.time).abs() >= apart);
+        if found.len() < search.echoes && is_apart {
             let _ = found.push(echo); // never full: it held all of them before
+            continue;
         }
+        let reason = if is_apart { Reason::Surplus } else { Reason::Near };
+        let FoundEcho { time, amplitude, .. } = echo;
+        // Never full: each peak is dropped once.
+        let _ = dropped.push(Dropped { time, amplitude, reason });
     }
     found.sort_unstable_by_key(|echo| echo.time);
 }
