@@ -88,9 +88,10 @@ impl ResponseArgs {
 
 /// Advice to a response that is not found.
 fn advice(problem: &NoResponse) -> String {
-    let found = problem.found;
-    let fewer = match found {
-        FEWEST.. => format!(" (--least-echoes {found} makes do with them)"),
+    let fewer = match problem {
+        NoResponse::TooFew { found: found @ FEWEST.., .. } => {
+            format!(" (--least-echoes {found} makes do with them)")
+        }
         _ => String::new(),
     };
     format!("; what it rings may count as echoes{fewer}")

@@ -1,7 +1,8 @@
 //! Recordings as people's instruments make them: behind a mirror, with a long tail, in a changing
 //! background. Drawn at random, with the truth known.
 
-use echoloop_instruments::{Echo, Finder, Noise, Options};
+use echoloop_instruments::response::NoResponse;
+use echoloop_instruments::{Echo, Finder, Noise, Options, Response};
 use echoloop_random::Generator;
 
 const OPTIONS: Options =
@@ -122,5 +123,31 @@ fn a_level_background_changes_nothing() {
             .collect();
         let found = Finder::new(OPTIONS).find(&[rows], &[]).remove(0);
         assert_eq!((found.background, found.echoes.len()), (0.0, times.len()), "{seed}");
+    }
+}
+
+/// Count of a Poisson process, by Knuth's product.
+fn count(draw: &mut Generator, mean: f64) -> f64 {
+    let (least, mut product, mut count) = ((-mean).exp(), draw.unit(), 0.0);
+    while product > least {
+        product *= draw.unit();
+        count += 1.0;
+    }
+    count
+}
+
+#[test]
+fn counts_of_photons_have_no_response() {
+    let draw = &mut Generator::new(93, 0);
+    for (ambient, most) in [(0.2, 15.0), (1.0, 30.0), (2.0, 60.0)] {
+        let row = |_| {
+            let (at, high) = (draw.range(60.0, 200.0), most * (-draw.unit()).exp());
+            let mean = |n| ambient + high * pulse(n, at, 6.0);
+            (0..300).map(|n| count(draw, mean(n))).collect()
+        };
+        let rows: Vec<Vec<f64>> = (0..120).map(row).collect();
+        let response = Response::of_waveforms(&rows, 16);
+        let refused = matches!(response, Err(NoResponse::Different { spread }) if spread > 0.06);
+        assert!(refused, "{most} photons: {:?}", response.map(|response| response.width()));
     }
 }

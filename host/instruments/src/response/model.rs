@@ -33,19 +33,36 @@ pub struct Response {
 }
 
 /// A recording that does not show its instrument's response.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "{found} of {looked} rows have a strongest echo that stands alone, whole and 20 times over the \
-     noise; {least} are needed to tell the instrument's response"
-)]
-pub struct NoResponse {
-    /// Rows with such an echo.
-    pub found: usize,
-    /// Rows searched.
-    pub looked: usize,
-    /// Least number of rows with such an echo.
-    pub least: usize,
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum NoResponse {
+    /// Too few echoes show it.
+    #[error(
+        "{found} of {looked} rows have a strongest echo that stands alone, whole and 20 times over \
+         the noise; {least} are needed to tell the instrument's response"
+    )]
+    TooFew {
+        /// Rows with such an echo.
+        found: usize,
+        /// Rows searched.
+        looked: usize,
+        /// Least number of rows with such an echo.
+        least: usize,
+    },
+    /// The echoes are too different to have a response in common.
+    #[error(
+        "single echoes differ by {:.0} % of their height within the lobe, as counts of photons do: \
+         their mean is not the instrument's response",
+        100.0 * spread
+    )]
+    Different {
+        /// Mean spread of single echoes within half a width of the top, over their height.
+        spread: f64,
+    },
 }
+
+/// Greatest spread of single echoes on the lobe, over their height: of instruments that digitise a
+/// current it is below 0.03, of counts of less than a hundred photons above 0.08.
+const GREATEST_SPREAD: f64 = 0.06;
 
 /// A top or a valley of a response after its main lobe.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,12 +107,19 @@ impl Response {
         noise: Option<Noise>,
     ) -> Result<Self, NoResponse> {
         let records = strong(rows, codes, noise.as_ref().and_then(|noise| noise.colour));
-        let too_few =
-            || NoResponse { found: records.len(), looked: evenly_spaced(rows).len(), least };
+        let too_few = || NoResponse::TooFew {
+            found: records.len(),
+            looked: evenly_spaced(rows).len(),
+            least,
+        };
         let Estimate { curve, spread, echoes, doubtful } =
             Estimate::of(&records, least, pulses).ok_or_else(too_few)?;
         let echoes = Some(echoes);
-        Ok(Self { echoes, doubtful, noise, ..Self::new(curve, spread) })
+        let response = Self { echoes, doubtful, noise, ..Self::new(curve, spread) };
+        match response.lobe_spread() {
+            spread if spread > GREATEST_SPREAD => Err(NoResponse::Different { spread }),
+            _ => Ok(response),
+        }
     }
 
     /// A response of given level and spread.
@@ -123,6 +147,14 @@ impl Response {
         let curve = self.family.response();
         let half = (0.6 * curve.width).floor() as i32;
         (-half..=half).map(|n| curve.at(n.into()).0).collect()
+    }
+
+    /// Mean spread of single echoes within half a width of the top.
+    fn lobe_spread(&self) -> f64 {
+        let reach = self.width() / 2.0;
+        let lobe = self.points().filter(|(lag, ..)| lag.abs() <= reach);
+        let (sum, count) = lobe.fold((0.0, 0.0), |(sum, n), (_, _, s)| (sum + s, n + 1.0));
+        if count > 0.0 { sum / count } else { 0.0 }
     }
 
     /// Full width at half maximum, samples.
