@@ -151,3 +151,29 @@ fn counts_of_photons_have_no_response() {
         assert!(refused, "{most} photons: {:?}", response.map(|response| response.width()));
     }
 }
+
+#[test]
+fn two_walls_of_any_height_at_a_steady_distance_are_two_echoes() {
+    let draw = &mut Generator::new(94, 0);
+    for spacing in [1.35, 1.6, 2.0, 3.0, 6.0] {
+        for wavers in [0.0, 0.15] {
+            for level in [0.5, 0.8, 1.0] {
+                let row = |k: usize| {
+                    let first = 80.0 + k as f64 / 60.0;
+                    let second = first + 6.0 * (spacing + wavers * (2.0 * draw.unit() - 1.0));
+                    let noise = Generator::new(95, k as u64).normals(300);
+                    let value = |(n, noise): (usize, f64)| {
+                        let walls = pulse(n, first, 6.0) + level * pulse(n, second, 6.0);
+                        (200.0 + 1000.0 * walls + 2.0 * noise).round()
+                    };
+                    noise.into_iter().enumerate().map(value).collect()
+                };
+                let rows: Vec<Vec<f64>> = (0..60).map(row).collect();
+                let response = Response::of_waveforms(&rows, 40).ok();
+                let found = Finder::new(OPTIONS).with_response(response).find(&rows, &[]);
+                let echoes: usize = found.iter().map(|waveform| waveform.echoes.len()).sum();
+                assert!(echoes >= 118, "{level} at {spacing} ± {wavers}: {echoes} of 120");
+            }
+        }
+    }
+}

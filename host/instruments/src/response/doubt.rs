@@ -18,6 +18,9 @@ const OTHERWISE: f64 = 0.1;
 /// Greatest level of an instrument's own later top.
 const HIGHEST: f64 = 0.25;
 
+/// Least level of a top before the strongest that is another surface's; filters ring by less.
+const EARLIER: f64 = 0.1;
+
 /// Lag from which on tops are looked at, pulse widths.
 const BESIDE: f64 = 0.6;
 
@@ -28,7 +31,8 @@ const BESIDE: f64 = 0.6;
 /// an instrument's   where pulses were recorded as long: theirs has at least half the level
 ///                   else level ≤ 1/4, and the heights of the echoes differ: 90 % over 10 % ≥ 2, or
 ///                   1.3 where a tenth of the records has other echoes
-/// taken out         h between the valleys on either side of another top: a line
+/// taken out         h between the valleys on either side of another top: a line; of an earlier top
+///                   more than a tenth as high: the flank behind the top, turned round
 /// spread            there, and everywhere after the lobe where heights do not differ, at most
 ///                   its median after the lobe
 /// ```
@@ -38,6 +42,7 @@ pub(super) fn take_out(
     strong: &[Strong],
     pulses: &[Strong],
 ) -> Vec<Later> {
+    let mut doubtful: Vec<Later> = without_earlier(curve, spread).into_iter().collect();
     let begin = BESIDE * curve.width;
     let point = |point: usize| Later { lag: curve.time(point), level: curve.values[point] };
     let points: Vec<Later> =
@@ -54,15 +59,17 @@ pub(super) fn take_out(
         Some(level) => level >= top.level / 2.0,
         None => is_varied && top.level <= HIGHEST,
     };
-    let mut doubtful = Vec::new();
     for (k, top) in turns.iter().enumerate() {
         let [before, after] = [k.checked_sub(1), Some(k + 1)].map(|k| turns.get(k?));
         let is_top = |beside: Option<&Later>| beside.is_none_or(|turn| turn.level < top.level);
         if top.level <= 0.0 || !is_top(before) || !is_top(after) || is_instrument(top) {
             continue;
         }
-        let between =
-            before.map_or(begin, |turn| turn.lag)..=after.map_or(f64::MAX, |turn| turn.lag);
+        // Spacings that vary make several tops with shallow valleys.
+        let is_deep = |turn: &&Later| 2.0 * turn.level < top.level;
+        let first = turns[..k].iter().rev().find(is_deep).map_or(begin, |turn| turn.lag);
+        let last = turns[k + 1..].iter().find(is_deep).map_or(f64::MAX, |turn| turn.lag);
+        let between = first..=last;
         let beside = |at: &&Later| between.contains(&at.lag);
         let (left, right): (Vec<&Later>, Vec<&Later>) =
             points.iter().filter(beside).partition(|at| at.lag <= top.lag);
@@ -75,6 +82,33 @@ pub(super) fn take_out(
         }
     }
     doubtful
+}
+
+/// Takes out an earlier top: light does not come before the pulse, so the strongest echo is the
+/// second of two surfaces. What rises before the valley between them is the falling flank, turned
+/// round. Returns the top as the second surface is seen from the first.
+fn without_earlier(curve: &mut Curve, spread: &mut [f64]) -> Option<Later> {
+    let before = curve.values[..curve.zero].iter().rev();
+    let points: Vec<Later> = before
+        .zip(1..)
+        .map(|(&level, k)| Later { lag: f64::from(k) * curve.step, level })
+        .collect();
+    let turns = turns(&points);
+    let top = turns.iter().zip(turns.get(1..)?).find(|(valley, top)| {
+        top.level > EARLIER && top.level > valley.level && valley.lag > BESIDE * curve.width
+    });
+    let (valley, top) = top.map(|(valley, top)| (*valley, *top))?;
+    let falling = &curve.values[curve.zero..];
+    let there = curve.zero + falling.iter().position(|level| *level <= valley.level)?;
+    let end = curve.zero - (valley.lag / curve.step).round() as usize;
+    let usual = spread.first().copied().unwrap_or_default();
+    let flank: Vec<f64> = curve.values[there..].iter().skip(1).take(end).copied().collect();
+    let levels = curve.values[..end].iter_mut().rev().zip(spread[..end].iter_mut().rev());
+    for (k, (level, spread)) in levels.enumerate() {
+        *level = level.min(flank.get(k).copied().unwrap_or_default());
+        *spread = spread.min(usual);
+    }
+    Some(Later { lag: top.lag, level: 1.0 / top.level })
 }
 
 /// Replaces the levels between two points by a line, and holds the spread there to the usual one.
