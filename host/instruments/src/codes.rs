@@ -67,9 +67,14 @@ impl Codes {
         self.gaps.iter().any(|gap| (gap.start.saturating_sub(1)..=gap.end).contains(&sample))
     }
 
+    /// A code in Q1.15.
+    pub(super) fn scale(&self) -> f64 {
+        f64::from(1u32 << self.shift)
+    }
+
     /// A height in Q1.15 in codes.
     pub fn of_height(&self, height: i64) -> f64 {
-        height as f64 / f64::from(1u32 << self.shift)
+        height as f64 / self.scale()
     }
 
     /// A height in Q1.15 in the input's units.

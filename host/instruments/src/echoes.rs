@@ -14,7 +14,7 @@ use super::finder::{
     Dropped, EchoFinder, FinderConfig, FoundEcho, Pulse, Reason, Threshold, from_samples, samples,
 };
 use super::noise::Noise;
-use super::response::{Candidate, Record, Response, Verdict, at_rest};
+use super::response::{Candidate, Record, Response, Split, Verdict, at_rest};
 use super::rows::{Rows, without_padding};
 
 /// Settings of the search for echoes.
@@ -109,6 +109,9 @@ const OVERLAP: usize = 600;
 /// (benches/record/waveforms.md).
 const MORE: f64 = 0.8;
 const LESS: f64 = 1.15;
+
+/// Distance of two echoes that merge into one lobe, widths of the response.
+const MERGED: f64 = 1.2;
 
 /// Width of the pulse over that of the response: surfaces widened the echoes that the response is
 /// estimated from.
@@ -306,9 +309,6 @@ fn finder() -> Box<EchoFinder> {
 /// Drops the tops that the response explains. An echo that took in other tops gets the time and
 /// width of all together.
 fn drop_explained(response: &Response, codes: &Codes, colour: Option<Colour>, tops: &mut Tops) {
-    if tops.found.len() < 2 {
-        return;
-    }
     let (x, sigma) = at_rest(codes, colour);
     let candidate = |echo: &FoundEcho| Candidate {
         time: samples(echo.time),
@@ -317,7 +317,9 @@ fn drop_explained(response: &Response, codes: &Codes, colour: Option<Colour>, to
     };
     let candidates: Vec<Candidate> = tops.found.iter().map(candidate).collect();
     let record = Record { x: &x, sigma, unit: codes.unit };
-    let mut verdicts = response.explain(&record, &candidates).into_iter();
+    let (verdicts, splits) = response.explain(&record, &candidates);
+    let hidden = split(codes, tops, &splits);
+    let mut verdicts = verdicts.into_iter();
     tops.drop_if(Reason::Response, |echo| match verdicts.next() {
         Some(Verdict::Whole { time, width }) => {
             (echo.time, echo.width) = (from_samples(time), from_samples(width));
@@ -325,6 +327,44 @@ fn drop_explained(response: &Response, codes: &Codes, colour: Option<Colour>, to
         }
         verdict => verdict == Some(Verdict::Explained),
     });
+    tops.found.extend(hidden);
+    tops.found.sort_by_key(|echo| echo.time);
+    flag_merged(&mut tops.found, from_samples(MERGED * response.width()));
+}
+
+/// Gives the echoes that were split their own places, and returns the hidden ones.
+fn split(codes: &Codes, tops: &mut Tops, splits: &[Split]) -> Vec<FoundEcho> {
+    let mut hidden = Vec::new();
+    for Split { index, parts } in splits {
+        let Some(echo) = tops.found.get_mut(*index) else { continue };
+        let whole = *echo;
+        let part = |part: &Candidate| {
+            let (time, height) = (from_samples(part.time), part.height * codes.scale());
+            let share = height / (whole.amplitude as f64).max(1.0);
+            FoundEcho {
+                time,
+                top: time,
+                centre: time,
+                amplitude: height.round() as i64,
+                width: from_samples(part.width),
+                snr: (f64::from(whole.snr) * share) as u32,
+                flags: whole.flags | Flags::MERGED,
+            }
+        };
+        *echo = part(&parts[0]);
+        hidden.push(part(&parts[1]));
+    }
+    hidden
+}
+
+/// Flags echoes whose neighbour is nearer than `near`, Q16.16 samples.
+fn flag_merged(echoes: &mut [FoundEcho], near: i64) {
+    for k in 1..echoes.len() {
+        if echoes[k].time - echoes[k - 1].time < near {
+            echoes[k - 1].flags |= Flags::MERGED;
+            echoes[k].flags |= Flags::MERGED;
+        }
+    }
 }
 
 /// The emitted pulse in its record; `None` without one.

@@ -43,6 +43,8 @@ pub(super) struct Estimate {
     pub(super) echoes: usize,
     /// Later tops that may be targets; they are not in the curve.
     pub(super) doubtful: Vec<Later>,
+    /// Share of the strong echoes that are narrow.
+    pub(super) narrow: f64,
 }
 
 impl Estimate {
@@ -66,7 +68,7 @@ impl Estimate {
     /// `pulses` are the emitted pulses, as far as they were recorded. `None` with fewer than
     /// `least` echoes.
     pub(super) fn of(strong: &[Strong], least: usize, pulses: &[Strong]) -> Option<Self> {
-        let mut narrow = narrow(strong, least)?;
+        let (mut narrow, share) = narrow(strong, least)?;
         let width = narrow.iter().map(|s| s.width).sum::<f64>() / narrow.len() as f64;
         let mut estimate = averaged(&narrow, width)?;
         for round in 1..=ROUNDS {
@@ -76,6 +78,7 @@ impl Estimate {
             }
             estimate = averaged(&narrow, width)?;
         }
+        estimate.narrow = share;
         estimate.refine_lobe(&narrow);
         estimate.doubtful = take_out(&mut estimate.curve, &mut estimate.spread, strong, pulses);
         Some(estimate)
@@ -98,8 +101,8 @@ impl Estimate {
     }
 }
 
-/// Narrow echoes, least noise first; `None` with too few echoes.
-fn narrow(strong: &[Strong], least: usize) -> Option<Vec<Strong>> {
+/// Narrow echoes, least noise first, and their share; `None` with too few echoes.
+fn narrow(strong: &[Strong], least: usize) -> Option<(Vec<Strong>, f64)> {
     if strong.len() < least.max(FEWEST_VALUES) {
         return None;
     }
@@ -107,10 +110,12 @@ fn narrow(strong: &[Strong], least: usize) -> Option<Vec<Strong>> {
     order.sort_by(|a, b| a.width.total_cmp(&b.width));
     let limit = NARROW * order[order.len() / 10].width;
     let enough = FEWEST_NARROW.min(3 * order.len() / 5);
-    let count = order.iter().filter(|s| s.width <= limit).count().max(enough);
+    let within = order.iter().filter(|s| s.width <= limit).count();
+    let share = within as f64 / order.len() as f64;
+    let count = within.max(enough);
     order.truncate(count);
     order.sort_by(|a, b| a.noise().total_cmp(&b.noise()));
-    Some(order.into_iter().take(MOST).cloned().collect())
+    Some((order.into_iter().take(MOST).cloned().collect(), share))
 }
 
 /// Median noise of a sample, over the echo's height.
@@ -131,7 +136,7 @@ fn averaged(narrow: &[Strong], width: f64) -> Option<Estimate> {
     };
     let (levels, spread) = points.map(level).unzip();
     let curve = Curve::normal(levels, step)?;
-    Some(Estimate { curve, spread, echoes: narrow.len(), doubtful: Vec::new() })
+    Some(Estimate { curve, spread, echoes: narrow.len(), doubtful: Vec::new(), narrow: 0.0 })
 }
 
 /// Level and spread of the values at a lag, pulse widths; 0 with too few values.

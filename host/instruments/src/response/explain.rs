@@ -3,6 +3,7 @@
 use super::curve::FLAT;
 use super::estimate::LOBE;
 use super::fit::{Fit, Part, samples};
+use super::hidden::Split;
 use super::model::Response;
 
 /// Least improvement of the fit by an echo, over noise and the model's error.
@@ -78,9 +79,15 @@ impl Response {
     /// σ and σ_A are the noise of a sample and of a height; k grows from 0 to 1 with the surface.
     /// The neighbours take over the light of a top that goes. The lowest go first: of two wrong
     /// tops that explain the same light, each alone would look necessary.
-    pub(crate) fn explain(&self, record: &Record<'_>, candidates: &[Candidate]) -> Vec<Verdict> {
-        if candidates.len() < 2 || record.x.is_empty() {
-            return vec![Verdict::Echo; candidates.len()];
+    ///
+    /// Then lobes of two echoes are split: see [`Split`].
+    pub(crate) fn explain(
+        &self,
+        record: &Record<'_>,
+        candidates: &[Candidate],
+    ) -> (Vec<Verdict>, Vec<Split>) {
+        if candidates.is_empty() || record.x.is_empty() {
+            return (vec![Verdict::Echo; candidates.len()], Vec::new());
         }
         let mut order: Vec<usize> = (0..candidates.len()).collect();
         order.sort_by(|&a, &b| candidates[b].height.total_cmp(&candidates[a].height));
@@ -89,31 +96,32 @@ impl Response {
         for &index in order[1..].iter().rev() {
             work.decide(index);
         }
-        work.verdicts()
+        let splits = work.split_all();
+        (work.verdicts(), splits)
     }
 }
 
 /// State of a candidate.
 #[derive(Clone, Copy, Debug)]
-struct State {
-    part: Part,
-    stays: bool,
+pub(super) struct State {
+    pub(super) part: Part,
+    pub(super) stays: bool,
     /// True when it took in another top of its lobe.
     grew: bool,
 }
 
 /// Fits of all candidates of a record.
-struct Work<'a> {
-    response: &'a Response,
+pub(super) struct Work<'a> {
+    pub(super) response: &'a Response,
     x: &'a [f64],
     candidates: &'a [Candidate],
     /// σ, codes.
-    noise: f64,
+    pub(super) noise: f64,
     /// σ_A, codes.
-    height_noise: f64,
+    pub(super) height_noise: f64,
     /// Record minus all parts, codes.
-    residual: Vec<f64>,
-    states: Vec<State>,
+    pub(super) residual: Vec<f64>,
+    pub(super) states: Vec<State>,
 }
 
 impl<'a> Work<'a> {
@@ -167,7 +175,7 @@ impl<'a> Work<'a> {
     }
 
     /// Takes a part out of the model.
-    fn taken(&mut self, index: usize) -> Part {
+    pub(super) fn taken(&mut self, index: usize) -> Part {
         let part = self.states[index].part;
         part.add(&self.response.family, 1.0, &mut self.residual);
         self.states[index].part = Part::NONE;
@@ -175,7 +183,7 @@ impl<'a> Work<'a> {
     }
 
     /// Puts a part into the model.
-    fn put(&mut self, index: usize, part: Part) {
+    pub(super) fn put(&mut self, index: usize, part: Part) {
         part.add(&self.response.family, -1.0, &mut self.residual);
         self.states[index].part = part;
     }
@@ -238,7 +246,7 @@ impl<'a> Work<'a> {
     }
 
     /// Nearest echo that stays on either side of a top, if it reaches the top.
-    fn neighbours(&self, index: usize) -> Vec<usize> {
+    pub(super) fn neighbours(&self, index: usize) -> Vec<usize> {
         let candidate = &self.candidates[index];
         let apart = |i: usize| (self.states[i].part.time - candidate.time).abs();
         let reaches = |i: &usize| {
@@ -325,7 +333,7 @@ impl<'a> Work<'a> {
     }
 
     /// Samples within 1.3 widths of any part.
-    fn range(&self, parts: &[Part]) -> std::ops::Range<usize> {
+    pub(super) fn range(&self, parts: &[Part]) -> std::ops::Range<usize> {
         let reach = |part: &Part| 1.3 * self.response.family.width(part.surface);
         let first = parts.iter().map(|p| p.time - reach(p)).fold(f64::INFINITY, f64::min);
         let last = parts.iter().map(|p| p.time + reach(p)).fold(0.0, f64::max);

@@ -14,6 +14,7 @@ mod doubt;
 mod estimate;
 mod explain;
 mod fit;
+mod hidden;
 mod model;
 pub(super) mod robust;
 mod strong;
@@ -21,5 +22,6 @@ mod text;
 
 pub use estimate::LEAST_ECHOES;
 pub(super) use explain::{Candidate, Record, Verdict};
+pub(super) use hidden::Split;
 pub use model::{Later, NoResponse, Response};
 pub(super) use strong::at_rest;

@@ -26,6 +26,8 @@ pub struct Response {
     /// Tops after the strong echoes that may be the instrument's or second targets': nothing in the
     /// recording tells. They are not in the response.
     pub doubtful: Vec<Later>,
+    /// Share of the strong echoes that are as narrow as the response; 1 when it was given.
+    pub(super) narrow: f64,
     /// Noise of the recording; `None` when too little of it is at rest.
     pub noise: Option<Noise>,
     /// Σ h² over the middle of the lobe.
@@ -61,8 +63,9 @@ pub enum NoResponse {
 }
 
 /// Greatest spread of single echoes on the lobe, over their height: of instruments that digitise a
-/// current it is below 0.03, of counts of less than a hundred photons above 0.08.
-const GREATEST_SPREAD: f64 = 0.06;
+/// current it is below 0.03 (0.08 where few echoes tell it), of counts of a few tens of photons
+/// above 0.1.
+const GREATEST_SPREAD: f64 = 0.1;
 
 /// A top or a valley of a response after its main lobe.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,10 +115,10 @@ impl Response {
             looked: evenly_spaced(rows).len(),
             least,
         };
-        let Estimate { curve, spread, echoes, doubtful } =
+        let Estimate { curve, spread, echoes, doubtful, narrow } =
             Estimate::of(&records, least, pulses).ok_or_else(too_few)?;
         let echoes = Some(echoes);
-        let response = Self { echoes, doubtful, noise, ..Self::new(curve, spread) };
+        let response = Self { echoes, doubtful, noise, narrow, ..Self::new(curve, spread) };
         match response.lobe_spread() {
             spread if spread > GREATEST_SPREAD => Err(NoResponse::Different { spread }),
             _ => Ok(response),
@@ -129,6 +132,7 @@ impl Response {
             spread,
             echoes: None,
             doubtful: Vec::new(),
+            narrow: 1.0,
             noise: None,
             energy: 1.0,
         };
