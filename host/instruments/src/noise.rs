@@ -11,14 +11,14 @@ use super::response::at_rest;
 use super::response::robust::median;
 use super::rows::{Rows, evenly_spaced, without_padding};
 
-/// Median length of the records of a long recording.
+/// Least length of most records of a long recording.
 const LONG: usize = 256;
 
 /// Samples of a window that may be quiet, in a long and a short recording.
 const WINDOW: usize = 24;
 const SHORT_WINDOW: usize = 8;
 
-/// End of the rest before the first echo of a record, widths of its strongest before the top.
+/// End of the rest before the first echo of a record: widths of its strongest before that top.
 const BEFORE: f64 = 1.5;
 
 /// Share of the windows that the search for quiet ones begins with: those of least variance.
@@ -72,14 +72,13 @@ impl Noise {
     /// Measures some of `rows` rows, evenly spaced.
     ///
     /// ```text
-    /// quiet  windows of L = 24 samples; where most records are shorter than 256, of 8 before the
-    ///        first echo, since hardly anything is at rest behind it
-    ///        that vary as noise does: from the twentieth with the least variance on, those within
-    ///        the 99.9th percentile of χ²_d/d times the mean variance of the quiet ones, until no
-    ///        more come;  d = L/(1 + 2·Σ ρ_k²)
+    /// quiet  windows of L = 24 samples; where most records are shorter than 256, of 8, before the
+    ///        first echo only, since hardly anything is at rest behind it. From the twentieth with
+    ///        the least variance on, those within the 99.9th percentile of χ²_d/d times the mean
+    ///        variance of the quiet ones, until no more come;  d = L/(1 + 2·Σ ρ_k²)
     /// D_k    = mean (x[n + k] − x[n])²/2 within quiet pieces
     /// σ²     = mean of D_k over the farther half of the lags
-    /// ρ_k    = 1 − D_k/σ²                         0 from the first lag where it is within noise
+    /// ρ_k    = 1 − D_k/σ²                         0 beyond the last lag where it is significant
     /// ```
     ///
     /// D_k is the variogram: unlike the autocovariance it needs no mean, which drifts.
