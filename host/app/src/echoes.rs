@@ -134,16 +134,16 @@ fn print_all(
         false_alarms += found.iter().map(|waveform| waveform.false_alarms).sum::<f64>();
         echoes += found.iter().map(|waveform| waveform.echoes.len()).sum::<usize>();
     }
-    if !args.common.quiet && levelled > 0 {
-        say(format_args!(
-            "remark: the background changes in {levelled} of {} rows, and was taken out",
-            rows.len()
-        ));
-    }
-    if !args.common.quiet && !dropped.is_empty() {
-        say(dropped_line(&dropped));
-    }
     if !args.common.quiet {
+        if levelled > 0 {
+            say(format_args!(
+                "remark: the background changes in {levelled} of {} rows, and was taken out",
+                rows.len()
+            ));
+        }
+        if !dropped.is_empty() {
+            say(dropped_line(&dropped));
+        }
         say(format_args!("noise alone would make {} echoes", few(false_alarms)));
     }
     match json {

@@ -7,11 +7,13 @@ use nalgebra::{DMatrix, DVector};
 use super::codes::Codes;
 use super::finder::colour::Colour;
 use super::finder::{EchoFinder, FinderConfig, samples};
-use super::response::at_rest;
 
 /// Least length of a piece at rest, samples and pulse widths.
 const LEAST_SAMPLES: f64 = 16.0;
 const LEAST_WIDTHS: f64 = 3.0;
+
+/// Width up to which pulses count as equally narrow, samples: the least length is that of theirs.
+const NARROWEST: f64 = LEAST_SAMPLES / LEAST_WIDTHS;
 
 /// Length of a record over the greatest width of an unknown pulse.
 const WIDEST: f64 = 30.0;
@@ -48,7 +50,7 @@ const SOME: f64 = 0.4;
 /// Greatest distance of a sample from its level, in σ.
 const NEAR: f64 = 4.0;
 
-/// A piece at rest: a line through its samples.
+/// A piece at rest.
 #[derive(Clone, Debug, PartialEq)]
 struct Piece {
     at: Range<usize>,
@@ -75,10 +77,9 @@ fn without_change(codes: &Codes, sigma: f64, width: f64) -> Option<(Codes, f64)>
     if codes.codes.len() / PIECES < length {
         return None;
     }
-    let width = width.max(LEAST_SAMPLES / LEAST_WIDTHS);
+    let width = width.max(NARROWEST);
     let pieces = background(&pieces(codes, length, sigma), sigma, width, codes.codes.len())?;
-    let levels = || pieces.iter().map(|piece| piece.level);
-    let (least, most) = (levels().reduce(f64::min)?, levels().reduce(f64::max)?);
+    let (least, most) = levels(&pieces)?;
     if most - least < CHANGE * sigma {
         return None;
     }
@@ -89,54 +90,53 @@ fn without_change(codes: &Codes, sigma: f64, width: f64) -> Option<(Codes, f64)>
     let mut gaps = codes.gaps.clone();
     for pair in pieces.windows(2) {
         let [a, b] = pair else { continue };
+        let Between { flank, is_step } = between(codes, a, b, sigma, width);
         let whole = middle(&a.at)..middle(&b.at);
-        match between(codes, a, b, sigma, width) {
-            Between::Step(flank) => {
-                level[whole.start..flank.start].fill(a.level);
-                level[flank.end.min(whole.end)..whole.end].fill(b.level);
-                for n in flank.clone() {
-                    level[n] = f64::from(codes.codes[n]);
-                }
-                gaps.push(flank);
-            }
-            Between::Ramp(ramp) => {
-                level[whole.start..ramp.start].fill(a.level);
-                level[ramp.end..whole.end].fill(b.level);
-                for (k, level) in level[ramp.clone()].iter_mut().enumerate() {
-                    *level = a.level + (b.level - a.level) * k as f64 / ramp.len() as f64;
-                }
-            }
+        level[whole.start..flank.start].fill(a.level);
+        level[flank.end.min(whole.end)..whole.end].fill(b.level);
+        for (k, n) in flank.clone().enumerate() {
+            level[n] = match is_step {
+                true => f64::from(codes.codes[n]),
+                false => a.level + (b.level - a.level) * k as f64 / flank.len() as f64,
+            };
         }
+        gaps.extend(is_step.then_some(flank));
     }
     gaps.sort_by_key(|gap| gap.start);
-    let rest = most.round() - levels().fold(f64::INFINITY, f64::min).floor();
+    let rest = most.round() - least.floor();
     let moved = |(&code, level): (&u16, &f64)| {
         (f64::from(code) - level + rest).round().clamp(0.0, 16_383.0) as u16
     };
-    let moved: Vec<u16> = codes.codes.iter().zip(&level).map(moved).collect();
-    let bits = 16 - moved.iter().max().map_or(0, |most| most.leading_zeros());
-    let shift = 15u32.saturating_sub(bits).clamp(1, 7);
-    Some((Codes { codes: moved, shift, unit: codes.unit, gaps }, (most - least) * codes.unit))
+    let moved = codes.codes.iter().zip(&level).map(moved).collect();
+    Some((Codes::of_codes(moved, codes.unit, gaps), (most - least) * codes.unit))
 }
 
-/// As [`without_change`], with the noise measured; a pulse of unknown width is as wide as the
-/// narrowest of the strong echoes.
+/// Least and highest level; `None` of no pieces.
+fn levels(pieces: &[Piece]) -> Option<(f64, f64)> {
+    let levels = pieces.iter().map(|piece| piece.level);
+    levels.clone().reduce(f64::min).zip(levels.reduce(f64::max))
+}
+
+/// As [`without_change`], of a pulse of unknown width, too: that is as wide as the narrowest of the
+/// strong echoes.
 pub(crate) fn levelled(
     finder: &mut EchoFinder,
     codes: &Codes,
+    sigma: f64,
     width: Option<f64>,
     colour: Option<Colour>,
 ) -> Option<(Codes, f64)> {
+    // A drift looks like a broad echo.
+    let widest = codes.codes.len() as f64 / WIDEST;
     let found = || {
-        let search = FinderConfig { code_shift: codes.shift, colour, ..FinderConfig::DEFAULT };
-        let echoes = finder.echoes(&codes.codes, &search);
+        if widest <= NARROWEST {
+            return None; // as wide as the narrowest that is told apart
+        }
+        let echoes = finder.echoes(&codes.codes, &FinderConfig::of_record(codes, colour));
         let highest = echoes.iter().map(|echo| echo.amplitude).max()?;
         let strong = echoes.iter().filter(|echo| 5 * echo.amplitude > highest);
-        // A drift looks like a broad echo.
-        let widest = codes.codes.len() as f64 / WIDEST;
         strong.map(|echo| samples(echo.width).min(widest)).reduce(f64::min)
     };
-    let (_, sigma) = at_rest(codes, colour);
     without_change(codes, sigma, width.or_else(found).unwrap_or_default())
 }
 
@@ -147,21 +147,12 @@ fn middle(at: &Range<usize>) -> usize {
 /// Pieces at rest, without clipped samples.
 fn pieces(codes: &Codes, length: usize, sigma: f64) -> Vec<Piece> {
     let last = codes.codes.len().saturating_sub(length);
-    let highest = codes.codes.iter().max();
-    let mut starts: Vec<usize> = (0..last).step_by(length / 2).collect();
-    starts.push(last);
-    let piece = |start: usize| {
-        let at = start..start + length;
-        let x = &codes.codes[at.clone()];
-        let in_gap = codes.gaps.iter().any(|gap| gap.start < at.end && at.start < gap.end);
-        let clipped = x.iter().filter(|code| Some(*code) == highest).count() > 2;
-        if in_gap || clipped {
-            return None;
-        }
-        let (level, variance) = line(x);
+    let starts = (0..last).step_by(length / 2).chain([last]);
+    let piece = |at: Range<usize>| {
+        let (level, variance) = line(&codes.codes[at.clone()]);
         (variance <= AT_REST * sigma * sigma).then_some(Piece { at, level })
     };
-    starts.into_iter().filter_map(piece).collect()
+    codes.undisturbed(starts.map(|start| start..start + length)).filter_map(piece).collect()
 }
 
 /// Mean, and variance about the line of least squares.
@@ -179,32 +170,36 @@ fn line(x: &[u16]) -> (f64, f64) {
 /// least order that explains them. `None` where it is level, or nothing explains it.
 fn background(pieces: &[Piece], sigma: f64, width: f64, samples: usize) -> Option<Vec<Piece>> {
     let change = CHANGE * sigma;
-    let of_order = |order: usize, share: f64| {
-        let curve = lower_curve(pieces, order, change)?;
-        let on_curve = |(piece, at): &(&Piece, &f64)| (piece.level - **at).abs() <= change;
-        let count = pieces.iter().zip(&curve).filter(on_curve).count();
-        (count as f64 >= share * pieces.len() as f64).then_some(curve)
+    // By order, up to the first on which all lie: the curve, and how many pieces lie on it; none on
+    // one that too few pieces give.
+    let mut curves: Vec<(Vec<f64>, usize)> = Vec::new();
+    let lie = |share: f64, on_curve: usize| on_curve as f64 >= share * pieces.len() as f64;
+    for order in 0..=ORDER {
+        let curve = lower_curve(pieces, order, change).unwrap_or_default();
+        let is_on = |(piece, at): &(&Piece, &f64)| (piece.level - **at).abs() <= change;
+        let on_curve = pieces.iter().zip(&curve).filter(is_on).count();
+        curves.push((curve, on_curve));
+        if lie(ALL, on_curve) {
+            break;
+        }
+    }
+    let first = |level: f64, most: f64| {
+        let least = |order: usize| if order == 0 { level } else { most };
+        (0..curves.len()).find(|&order| lie(least(order), curves[order].1))
     };
-    let along = |curve: Vec<f64>| -> Vec<Piece> {
-        let on_curve = |(piece, level): (&Piece, f64)| Piece { level, ..piece.clone() };
-        pieces.iter().zip(curve).map(on_curve).collect()
+    let order = match first(ALL, ALL) {
+        Some(order) => order,
+        None => {
+            let length = (PLATEAU * width).max(SHORTEST);
+            let plateaus = plateaus(pieces, change, length, samples);
+            if levels(&plateaus).is_some_and(|(least, most)| most - least > change) {
+                return Some(plateaus);
+            }
+            first(SOME, MOST)?
+        }
     };
-    if of_order(0, ALL).is_some() {
-        return None;
-    }
-    if let Some(curve) = (1..=ORDER).find_map(|order| of_order(order, ALL)) {
-        return Some(along(curve));
-    }
-    let plateaus = plateaus(pieces, change, (PLATEAU * width).max(SHORTEST), samples);
-    let levels = plateaus.iter().map(|piece| piece.level);
-    let (least, most) = (levels.clone().reduce(f64::min), levels.reduce(f64::max));
-    if most.zip(least).is_some_and(|(most, least)| most - least > change) {
-        return Some(plateaus);
-    }
-    if of_order(0, SOME).is_some() {
-        return None;
-    }
-    (1..=ORDER).find_map(|order| of_order(order, MOST)).map(along)
+    let on_curve = |(piece, &level): (&Piece, &f64)| Piece { level, ..piece.clone() };
+    (order > 0).then(|| pieces.iter().zip(&curves[order].0).map(on_curve).collect())
 }
 
 /// Pieces in runs of one level that are long enough; half as long at an end of the record.
@@ -263,22 +258,22 @@ fn lower_curve(pieces: &[Piece], order: usize, change: f64) -> Option<Vec<f64>> 
 }
 
 /// Where the background goes from the level of one piece to that of the next.
-enum Between {
-    /// A step without an echo on it: nothing is looked for there.
-    Step(Range<usize>),
-    /// A line from the first sample to the last.
-    Ramp(Range<usize>),
+struct Between {
+    flank: Range<usize>,
+    /// True of a step without an echo on it, where nothing is looked for; else it is a line.
+    is_step: bool,
 }
 
 /// Between two pieces: a step where the samples only rise or only fall; else, as for an echo over a
 /// change, the ramp that explains most samples, of the echo only those below it.
 fn between(codes: &Codes, a: &Piece, b: &Piece, sigma: f64, width: f64) -> Between {
     let whole = middle(&a.at)..middle(&b.at);
+    let ramp = |flank: Range<usize>| Between { flank, is_step: false };
     let error = sigma * (2.0 / a.at.len() as f64).sqrt();
     let touch = b.at.start <= a.at.start + a.at.len() / 2;
     let change = b.level - a.level;
     if touch || change.abs() < SIGNIFICANT * error {
-        return Between::Ramp(whole);
+        return ramp(whole);
     }
     let value = |n: usize| f64::from(codes.codes[n]);
     let is_near = |n: &usize, level: f64| (value(*n) - level).abs() < NEAR * sigma;
@@ -294,10 +289,10 @@ fn between(codes: &Codes, a: &Piece, b: &Piece, sigma: f64, width: f64) -> Betwe
             && (low - NEAR * sigma..=high + NEAR * sigma).contains(&value(n))
     });
     if goes_on {
-        return Between::Step(flank);
+        return Between { flank, is_step: true };
     }
     if whole.len() > LONGEST {
-        return Between::Ramp(whole);
+        return ramp(whole);
     }
     let cost = |ramp: &Range<usize>| {
         let level = |n: usize| {
@@ -312,5 +307,5 @@ fn between(codes: &Codes, a: &Piece, b: &Piece, sigma: f64, width: f64) -> Betwe
         (whole.start..=whole.end - length).map(move |from| from..from + length)
     });
     let best = ramps.map(|ramp| (cost(&ramp), ramp)).min_by(|a, b| a.0.total_cmp(&b.0));
-    Between::Ramp(best.map_or(whole.clone(), |(_, ramp)| ramp))
+    ramp(best.map_or(whole.clone(), |(_, flank)| flank))
 }

@@ -57,9 +57,26 @@ impl Codes {
             true => (v - min) as u16,
             false => ((v / 2.0 - min / 2.0) / half_range * TOP + 0.5) as u16,
         };
-        let codes: Vec<u16> = values().map(code).collect();
+        Self::of_codes(values().map(code).collect(), unit, Vec::new())
+    }
+
+    pub(super) fn of_codes(codes: Vec<u16>, unit: f64, gaps: Vec<Range<usize>>) -> Self {
         let bits = 16 - codes.iter().copied().max().unwrap_or_default().leading_zeros();
-        Self { codes, shift: 15u32.saturating_sub(bits).clamp(1, 7), unit, gaps: Vec::new() }
+        Self { codes, shift: 15u32.saturating_sub(bits).clamp(1, 7), unit, gaps }
+    }
+
+    /// Those of some ranges that have no gap, and the record's highest code twice at most: more is
+    /// a clipped top.
+    pub(super) fn undisturbed(
+        &self,
+        ranges: impl Iterator<Item = Range<usize>>,
+    ) -> impl Iterator<Item = Range<usize>> {
+        let highest = self.codes.iter().max();
+        ranges.filter(move |at| {
+            let has_gap = self.gaps.iter().any(|gap| gap.start < at.end && at.start < gap.end);
+            let is_highest = |code: &&u16| Some(*code) == highest;
+            !has_gap && self.codes[at.clone()].iter().filter(is_highest).count() < 3
+        })
     }
 
     /// True when a sample lies in a gap or beside one.

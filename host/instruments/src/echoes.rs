@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use echoloop_dsp::template::Template;
 use echoloop_dsp::{Flags, MAX_SAMPLES};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -9,7 +10,7 @@ use serde::Serialize;
 use super::background;
 use super::codes::Codes;
 use super::finder::colour::Colour;
-use super::finder::scale::WIDTHS;
+use super::finder::scale::Bank;
 use super::finder::{
     Dropped, EchoFinder, FinderConfig, FoundEcho, Pulse, Reason, Threshold, from_samples, samples,
 };
@@ -122,7 +123,7 @@ const PULSE_OF_RESPONSE: f64 = 0.7;
 pub struct Finder {
     options: Options,
     noise: Option<Noise>,
-    /// Rate of crossings after each filter of [`WIDTHS`].
+    /// Rate of crossings after each filter of [`Bank`].
     crossings: Vec<f64>,
     response: Option<Response>,
 }
@@ -202,8 +203,12 @@ impl Finder {
     ) -> Waveform {
         let known = pulse.or_else(|| self.known_pulse());
         let width = known.map(|pulse| samples(pulse.width));
-        let levelled = background::levelled(finder, codes, width, self.colour());
+        let mut rest = at_rest(codes, self.colour());
+        let levelled = background::levelled(finder, codes, rest.1, width, self.colour());
         let (codes, change) = levelled.as_ref().map_or((codes, 0.0), |(codes, by)| (codes, *by));
+        if levelled.is_some() {
+            rest = at_rest(codes, self.colour());
+        }
         let search = self.search(codes.shift, known);
         let (mut false_alarms, mut tops) = (0.0, Tops::default());
         pieces(finder, &codes.codes, &search, &mut tops, |samples, threshold| {
@@ -216,7 +221,8 @@ impl Finder {
             |echo: &mut FoundEcho| codes.is_beside_gap(samples(echo.top).round() as usize);
         tops.drop_if(Reason::Gap, is_beside_gap);
         if let Some(response) = &self.response {
-            drop_explained(response, codes, self.colour(), &mut tops);
+            let record = Record { x: &rest.0, sigma: rest.1, unit: codes.unit };
+            drop_explained(response, codes, &record, &mut tops);
         }
         let highest = tops.found.iter().map(|echo| echo.amplitude).max().unwrap_or_default();
         tops.drop_if(Reason::Floor, |echo| {
@@ -295,11 +301,11 @@ impl Finder {
     }
 }
 
-/// Rate of crossings of noise after each filter of [`WIDTHS`].
+/// Rate of crossings of noise after each filter of [`Bank`].
 fn crossings(noise: &Noise) -> Vec<f64> {
-    let finder = finder();
-    let taps = |view| finder.taps(view).iter().map(|&tap| f64::from(tap)).collect::<Vec<f64>>();
-    (0..WIDTHS.len()).map(|view| noise.crossings(&taps(view))).collect()
+    let taps = |template: &Template| template.taps().iter().map(|&tap| f64::from(tap)).collect();
+    let taps: Vec<Vec<f64>> = Bank::default().templates().map(taps).collect();
+    taps.iter().map(|taps| noise.crossings(taps)).collect()
 }
 
 fn finder() -> Box<EchoFinder> {
@@ -308,16 +314,14 @@ fn finder() -> Box<EchoFinder> {
 
 /// Drops the tops that the response explains. An echo that took in other tops gets the time and
 /// width of all together.
-fn drop_explained(response: &Response, codes: &Codes, colour: Option<Colour>, tops: &mut Tops) {
-    let (x, sigma) = at_rest(codes, colour);
+fn drop_explained(response: &Response, codes: &Codes, record: &Record, tops: &mut Tops) {
     let candidate = |echo: &FoundEcho| Candidate {
         time: samples(echo.time),
         height: codes.of_height(echo.amplitude),
         width: samples(echo.width),
     };
     let candidates: Vec<Candidate> = tops.found.iter().map(candidate).collect();
-    let record = Record { x: &x, sigma, unit: codes.unit };
-    let (verdicts, splits) = response.explain(&record, &candidates);
+    let (verdicts, splits) = response.explain(record, &candidates);
     let hidden = split(codes, tops, &splits);
     let mut verdicts = verdicts.into_iter();
     tops.drop_if(Reason::Response, |echo| match verdicts.next() {

@@ -198,8 +198,7 @@ fn searched(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Vec<(usize, u
     }
     let rest = |finder: &mut Box<EchoFinder>, &(row, length): &(usize, usize)| {
         let codes = codes(row);
-        let search = FinderConfig { code_shift: codes.shift, ..FinderConfig::DEFAULT };
-        let echoes = finder.echoes(&codes.codes, &search);
+        let echoes = finder.echoes(&codes.codes, &FinderConfig::of_record(&codes, None));
         let width = echoes.iter().max_by_key(|echo| echo.amplitude).map_or(0, |echo| echo.width);
         let rest = |echo: &FoundEcho| samples(echo.top) - BEFORE * samples(width);
         (row, echoes.first().map_or(length, |echo| rest(echo).max(0.0) as usize))
@@ -223,13 +222,8 @@ fn is_long(records: &[(usize, usize)]) -> bool {
 
 /// Windows that may be quiet in a record up to `end`: without a gap and a clipped top.
 fn windows(codes: &Codes, end: usize, length: usize) -> impl Iterator<Item = Range<usize>> {
-    let highest = codes.codes.iter().max();
     let last = end.min(codes.codes.len()).saturating_sub(length - 1);
-    let whole = move |at: &Range<usize>| {
-        let clipped = codes.codes[at.clone()].iter().filter(|code| Some(*code) == highest).count();
-        clipped < 3 && !codes.gaps.iter().any(|gap| gap.start < at.end && at.start < gap.end)
-    };
-    (0..last).step_by(length / 2).map(move |first| first..first + length).filter(whole)
+    codes.undisturbed((0..last).step_by(length / 2).map(move |first| first..first + length))
 }
 
 /// Variance of a window, in the file's units, at least that of rounding to a code.

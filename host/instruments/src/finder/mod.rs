@@ -28,6 +28,7 @@ use core::cmp::Reverse;
 
 use heapless::Vec;
 
+use crate::codes::Codes;
 use baseline::Baseline;
 use colour::Colour;
 use components::{Component, Components, Fit};
@@ -38,7 +39,7 @@ use echoloop_dsp::q::{divide_round, shift_round};
 use echoloop_dsp::split::{Sharpener, prominent_peaks};
 use echoloop_dsp::template::Template;
 use echoloop_dsp::{MAX_SAMPLES, filter};
-use scale::{Bank, MARGIN, Noise, Padded, Scale};
+use scale::{Bank, MARGIN, Padded, RecordNoise, Scale};
 use top::{Top, View};
 
 /// Share of the second difference that the sharpener subtracts, 64ths.
@@ -75,6 +76,11 @@ impl FinderConfig {
         pulse: None,
         colour: None,
     };
+
+    /// Default search of a record whose noise has a colour, or not.
+    pub(crate) fn of_record(codes: &Codes, colour: Option<Colour>) -> Self {
+        Self { code_shift: codes.shift, colour, ..Self::DEFAULT }
+    }
 }
 
 /// The emitted pulse, measured in a record of it.
@@ -157,6 +163,9 @@ impl Dropped {
     }
 }
 
+/// Tops that are no echoes; each peak is at most one.
+type DroppedTops = Vec<Dropped, MAX_CANDIDATES>;
+
 /// Echoes by rising time.
 pub type FoundEchoes = Vec<FoundEcho, MAX_CANDIDATES>;
 
@@ -172,7 +181,7 @@ pub struct EchoFinder {
     order: [u16; MAX_SAMPLES],
     model: [i32; MAX_SAMPLES],
     threshold: Threshold,
-    dropped: Vec<Dropped, { 2 * MAX_CANDIDATES }>,
+    dropped: DroppedTops,
 }
 
 impl Default for EchoFinder {
@@ -192,7 +201,7 @@ impl EchoFinder {
             order: [0; MAX_SAMPLES],
             model: [0; MAX_SAMPLES],
             threshold: Threshold::default(),
-            dropped: Vec::new(),
+            dropped: DroppedTops::new(),
         }
     }
 
@@ -226,7 +235,7 @@ impl EchoFinder {
         });
         let pulse =
             search.pulse.map(|pulse| shift_round(pulse.width, 16).clamp(1, MARGIN as i64) as u32);
-        let noise = Noise { sigma: baseline.sigma, colour };
+        let noise = RecordNoise { sigma: baseline.sigma, colour };
         let scale = self.bank.scale(&self.padded, noise, pulse, &mut self.view);
         let Some(narrow) = self.bank.template(scale.view).cloned() else {
             return FoundEchoes::new();
@@ -254,11 +263,6 @@ impl EchoFinder {
         &self.dropped
     }
 
-    /// Taps of a filter of [`scale::WIDTHS`], Q1.15.
-    pub fn taps(&self, view: usize) -> &[i16] {
-        self.bank.template(view).map_or(&[], Template::taps)
-    }
-
     /// Peaks of the sharpened waveform without ringing, and T.
     fn peaks(&mut self, sigma: u32, scale: Scale, search: &FinderConfig) -> (Peaks, i16) {
         let z = self.sharp.get(..self.padded.x().len()).unwrap_or_default();
@@ -276,10 +280,7 @@ impl EchoFinder {
         let mut found = Peaks::new();
         prominent_peaks(z.iter().copied(), 0, level, rise, &mut found);
         let y = if scale.view == 0 { self.padded.x() } else { &self.view };
-        let all = found.clone();
-        without_ringing(&mut found, y, scale.pulse, search.pulse.as_ref());
-        let ringing = all.iter().filter(|peak| found.iter().all(|kept| kept.index != peak.index));
-        self.dropped.extend(ringing.map(|peak| Dropped::of_peak(peak, Reason::Ringing)));
+        without_ringing(&mut found, y, scale.pulse, search.pulse.as_ref(), &mut self.dropped);
         (found, level)
     }
 
@@ -327,7 +328,7 @@ struct Context<'a> {
     search: &'a FinderConfig,
     scale: Scale,
     narrow: &'a Template,
-    noise: Noise<'a>,
+    noise: RecordNoise<'a>,
     sigma: u32,
     level: i16,
 }
@@ -422,7 +423,13 @@ const SWING: u32 = 3;
 /// pulse widths before it; both in the view, for the sharpener makes undershoots of its own. Or the
 /// emitted pulse has later tops at the delays from earlier echoes, within a quarter of its width,
 /// and this one is at most 1.5 times as high as all of them together.
-fn without_ringing(found: &mut Peaks, y: &[i16], width: u32, pulse: Option<&Pulse>) {
+fn without_ringing(
+    found: &mut Peaks,
+    y: &[i16],
+    width: u32,
+    pulse: Option<&Pulse>,
+    dropped: &mut DroppedTops,
+) {
     let all = core::mem::take(found);
     for peak in &all {
         let mut stronger = all
@@ -439,8 +446,11 @@ fn without_ringing(found: &mut Peaks, y: &[i16], width: u32, pulse: Option<&Puls
         });
         let expected =
             pulse.map_or(0, |pulse| found.iter().map(|b| pulse.ringing_at(b, peak)).sum());
+        // Neither is ever full: all peaks fit into either.
         if !swings && 2 * i64::from(peak.height) > 3 * expected {
-            let _ = found.push(*peak); // never full: it held all of them before
+            let _ = found.push(*peak);
+        } else {
+            let _ = dropped.push(Dropped::of_peak(peak, Reason::Ringing));
         }
     }
 }
@@ -481,11 +491,7 @@ pub fn from_samples(time: f64) -> i64 {
 
 /// Keeps the highest echoes, ties to the first, each far enough from those already kept; sorted by
 /// rising time.
-fn keep_strongest(
-    found: &mut FoundEchoes,
-    search: &FinderConfig,
-    dropped: &mut Vec<Dropped, { 2 * MAX_CANDIDATES }>,
-) {
+fn keep_strongest(found: &mut FoundEchoes, search: &FinderConfig, dropped: &mut DroppedTops) {
     let apart = i64::from(search.min_separation.max(1)) << 16;
     let mut order: Vec<FoundEcho, MAX_CANDIDATES> = found.clone();
     order.sort_unstable_by_key(|echo| (Reverse(echo.amplitude), echo.time));

@@ -82,14 +82,14 @@ pub struct Bank {
 
 /// Noise of a record.
 #[derive(Clone, Copy, Debug)]
-pub struct Noise<'a> {
+pub struct RecordNoise<'a> {
     /// σ of a sample, Q13.19.
     pub sigma: u32,
     /// Its colour, where it is not white.
     pub colour: Option<&'a Colour>,
 }
 
-impl Noise<'_> {
+impl RecordNoise<'_> {
     /// r of a template, Q1.15.
     pub fn gain(&self, template: &Template) -> u16 {
         self.colour.map_or(template.noise_gain, |colour| colour.noise_gain(template.taps()))
@@ -112,6 +112,11 @@ pub struct Scale {
 }
 
 impl Bank {
+    /// The filters, in the order of [`WIDTHS`].
+    pub(crate) fn templates(&self) -> impl Iterator<Item = &Template> {
+        self.templates.iter()
+    }
+
     /// The filter of an index of [`WIDTHS`].
     pub fn template(&self, index: usize) -> Option<&Template> {
         self.templates.get(index)
@@ -121,7 +126,7 @@ impl Bank {
     pub fn scale(
         &self,
         padded: &Padded,
-        noise: Noise<'_>,
+        noise: RecordNoise<'_>,
         pulse: Option<u32>,
         y: &mut [i16; MAX_SAMPLES],
     ) -> Scale {
@@ -136,7 +141,7 @@ impl Bank {
     }
 
     /// Least width whose SNR is at least 31/32 of the best, samples.
-    fn best(&self, padded: &Padded, noise: Noise<'_>, y: &mut [i16; MAX_SAMPLES]) -> u32 {
+    fn best(&self, padded: &Padded, noise: RecordNoise<'_>, y: &mut [i16; MAX_SAMPLES]) -> u32 {
         let mut heights: Vec<(i64, i64, u32), { WIDTHS.len() }> = Vec::new();
         for (template, &width) in self.templates.iter().zip(&WIDTHS) {
             if width > 2 && 2 * width as usize > padded.x().len() {

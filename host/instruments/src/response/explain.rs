@@ -86,7 +86,9 @@ impl Response {
         record: &Record<'_>,
         candidates: &[Candidate],
     ) -> (Vec<Verdict>, Vec<Split>) {
-        if candidates.is_empty() || record.x.is_empty() {
+        // A lone echo stays.
+        let least = if self.splits_lobes() { 1 } else { 2 };
+        if candidates.len() < least || record.x.is_empty() {
             return (vec![Verdict::Echo; candidates.len()], Vec::new());
         }
         let mut order: Vec<usize> = (0..candidates.len()).collect();
@@ -141,7 +143,9 @@ impl<'a> Work<'a> {
 
     /// Fits each to the residual of the others, the highest first, in three rounds.
     fn fit_each(&mut self, order: &[usize]) {
-        for round in 0..3 {
+        // A lone one is fitted to what is there already.
+        let rounds = if order.len() == 1 { 1 } else { 3 };
+        for round in 0..rounds {
             for &index in order {
                 let part = match round {
                     0 => self.first_guess(index),
@@ -231,10 +235,12 @@ impl<'a> Work<'a> {
         let left_without = fit(f64::INFINITY).run(&mut without);
         // Sums of pulses have many local minima, so three starts: the parts as they are, narrow
         // ones, and the fit without the top plus a new part.
-        let narrow = |part: &Part| Part { surface: part.surface.min(FLAT), ..*part };
         let new = Part { height: 0.3 * top.height, time: top.time, surface: FLAT };
-        let starts =
-            [begun.clone(), begun.iter().map(narrow).collect(), [&without[..], &[new]].concat()];
+        let starts = [
+            begun.clone(),
+            begun.iter().map(|part| part.narrow()).collect(),
+            [&without[..], &[new]].concat(),
+        ];
         let fitted = starts.into_iter().map(|mut parts| {
             let left = fit(self.response.width() / 2.0).run(&mut parts);
             (left, parts)

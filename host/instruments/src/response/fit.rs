@@ -30,6 +30,11 @@ impl Part {
     /// No echo.
     pub(super) const NONE: Self = Self { height: 0.0, time: 0.0, surface: FLAT };
 
+    /// The echo on a flat surface, if on a rougher one.
+    pub(super) fn narrow(self) -> Self {
+        Self { surface: self.surface.min(FLAT), ..self }
+    }
+
     /// Value at a sample, codes.
     pub(super) fn at(&self, family: &Family, sample: usize) -> f64 {
         self.height * family.shape(self.surface).at(sample as f64 - self.time).value

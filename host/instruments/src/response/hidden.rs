@@ -3,6 +3,7 @@
 use super::curve::FLAT;
 use super::explain::Work;
 use super::fit::{Fit, Part};
+use super::model::Response;
 
 /// Greatest ratio of what the fit leaves to what noise and the response's spread make, for a lobe
 /// to be explained.
@@ -37,6 +38,13 @@ pub(crate) struct Split {
     pub(crate) parts: [super::Candidate; 2],
 }
 
+impl Response {
+    /// True when most targets are flat.
+    pub(super) fn splits_lobes(&self) -> bool {
+        self.narrow >= FLAT_TARGETS
+    }
+}
+
 impl Work<'_> {
     /// Splits the lobes of echoes that stay, the highest first.
     ///
@@ -45,13 +53,13 @@ impl Work<'_> {
     /// two       the same and another narrow echo, from where the residual is highest, and from the
     ///           lobe in two halves;  R₂ left
     /// E         Σ σ² + Σ A²·spread²                       what noise and the response may leave
-    /// split     R₁ > 2·E ≥ R₂, (R₁ − R₂)/Σ h² ≥ (5.5·σ_A)², both narrow and 0.8 widths apart
+    /// split     R₁ > 2·E, R₂ ≤ 1.3·E, (R₁ − R₂)/Σ h² ≥ (5.5·σ_A)², both narrow, 0.8 widths apart
     /// ```
     ///
     /// One wide surface of any shape leaves more than E with two narrow echoes, too, as long as its
     /// shape can be told at all.
     pub(super) fn split_all(&mut self) -> Vec<Split> {
-        if self.response.narrow < FLAT_TARGETS {
+        if !self.response.splits_lobes() {
             return Vec::new();
         }
         let mut order: Vec<usize> =
@@ -68,16 +76,15 @@ impl Work<'_> {
         let own = self.taken(index);
         let other = beside.map(|i| self.taken(i));
         let found = self.two(own, other);
-        let [kept, beside_part] = match &found {
-            Some(parts) => [Some(parts[0]), parts.get(2).copied()],
-            None => [Some(own), other],
+        let (kept, other) = match &found {
+            Some(parts) => (parts[0], parts.get(2).copied()),
+            None => (own, other),
         };
-        if let Some((i, part)) = beside.zip(beside_part) {
+        if let Some((i, part)) = beside.zip(other) {
             self.put(i, part);
         }
-        self.put(index, kept.unwrap_or(own));
-        let parts = found?;
-        let [first, second] = [parts[0], parts[1]];
+        self.put(index, kept);
+        let [first, second] = [kept, found?[1]];
         second.add(&self.response.family, -1.0, &mut self.residual);
         let candidate = |part: Part| super::Candidate {
             time: part.time,
@@ -99,13 +106,12 @@ impl Work<'_> {
         if left_by_one <= EXPLAINED * self.expected(&one, range.clone()) {
             return None;
         }
-        let narrow = |part: Part| Part { surface: part.surface.min(FLAT), ..part };
         let half = family.width(own.surface).max(width) / 2.0;
         let at = |time: f64, share: f64| Part { height: share * own.height, time, surface: FLAT };
         let highest =
             range.clone().max_by(|&a, &b| self.left(&one, a).total_cmp(&self.left(&one, b)))?;
         let starts = [
-            [narrow(one[0]), at(highest as f64, 0.3)],
+            [one[0].narrow(), at(highest as f64, 0.3)],
             [at(own.time - half, 0.7), at(own.time + half, 0.7)],
             [at(own.time, 1.0), at(own.time + width, 0.3)],
             [at(own.time, 1.0), at(own.time - width, 0.3)],

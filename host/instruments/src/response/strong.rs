@@ -38,8 +38,7 @@ impl Strong {
         colour: Option<Colour>,
     ) -> Option<Self> {
         let first = beginning(codes);
-        let search = FinderConfig { code_shift: codes.shift, colour, ..FinderConfig::DEFAULT };
-        let echoes = finder.echoes(first, &search);
+        let echoes = finder.echoes(first, &FinderConfig::of_record(codes, colour));
         let best = echoes.iter().max_by_key(|echo| echo.amplitude)?;
         let unfit = Flags::SATURATED | Flags::TRUNCATED | Flags::MERGED;
         if best.flags.0 & unfit.0 != 0 || best.snr < LEAST_SNR || !codes.gaps.is_empty() {
