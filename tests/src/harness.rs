@@ -20,7 +20,7 @@ use echoloop_dsp::settings::PARAMETERS;
 use echoloop_dsp::{Grid, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_instruments::finder::colour::{Colour, LAGS};
 use echoloop_instruments::finder::{EchoFinder, FinderConfig, Pulse};
-use echoloop_instruments::{Finder, Options, parse_waveforms};
+use echoloop_instruments::{Finder, Options, Selection, parse_waveforms};
 use echoloop_link::{
     Command, Decoder, Greeting, MAX_FRAME, Message, Noise, PACKED_BYTES, Place, Report,
     SETTINGS_SCHEMA, Way, checksum, decode, encode, encode_for, settings_hash,
@@ -416,7 +416,9 @@ fn record(draw: &mut Draw<'_>) {
 }
 
 fn file(bytes: &[u8]) {
-    let Ok(rows) = parse_waveforms("any".as_ref(), bytes.to_vec()) else { return };
+    let Ok(rows) = parse_waveforms("any".as_ref(), bytes.to_vec(), &Selection::default()) else {
+        return;
+    };
     let rows: Vec<Vec<f64>> = (0..rows.len()).map(|row| rows.row(row).into_owned()).collect();
     let options =
         Options { sample_ns: 1.0, snr: 5.0, floor: 0.05, max_echoes: 100, min_separation_ns: 0.0 };

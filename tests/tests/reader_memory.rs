@@ -9,7 +9,7 @@ use echoloop_closed_loop::config;
 use echoloop_closed_loop::run_folder::journal::whole_generations;
 use echoloop_clouds::parse_recorded;
 use echoloop_clouds::pose::parse_pose;
-use echoloop_instruments::parse_waveforms;
+use echoloop_instruments::{Selection, parse_waveforms};
 use echoloop_sim::import::{Ground, ImportOptions, parse_scene};
 
 /// The system's allocator, with the allocated bytes counted.
@@ -67,7 +67,7 @@ fn cloud(name: &str, file: Vec<u8>) -> bool {
 }
 
 fn waveforms(_: &str, file: Vec<u8>) -> bool {
-    let rows = parse_waveforms(Path::new("any"), file).unwrap();
+    let rows = parse_waveforms(Path::new("any"), file, &Selection::default()).unwrap();
     (0..rows.len()).step_by(1000).all(|i| rows.row(i).iter().all(|v| v.is_finite()))
 }
 

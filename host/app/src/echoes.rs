@@ -14,22 +14,27 @@ use super::exit::{Failure, print};
 use super::number::{ANY, number_as};
 use super::response::{ResponseArgs, doubt_line, response_line};
 use echoloop_instruments::{
-    Finder, Noise, Options, Polarity, Reason, Rows, Waveform, echoes, read_waveforms,
+    Finder, Kind, Noise, Options, Polarity, Reason, Rows, Selection, Waveform, echoes,
+    read_waveforms,
 };
 
 /// Flags of `echoes`.
 #[derive(Clone, Debug, Args)]
 #[command(allow_negative_numbers = true)]
 pub(crate) struct EchoesArgs {
-    /// Waveforms, one a row: CSV without header, rows of any length, or a NumPy array (.npy). Or
-    /// one below the other: a value a line, a time and values a line, the CSV of a LeCroy or
-    /// Tektronix. Zeros that pad a row's end are ignored.
+    /// Waveforms, one a row: CSV without header, rows of any length, a NumPy array (.npy) or HDF5
+    /// (GEDI, LVIS). Or one below the other: a value a line, a time and values a line, the CSV of a
+    /// LeCroy or Tektronix. Zeros that pad a row's end are ignored.
     waves: PathBuf,
     #[command(flatten)]
     common: Common,
     /// Time between samples, ns; not needed where the file has times in seconds.
     #[arg(long, value_name = "NS")]
     sample_ns: Option<f64>,
+    /// Dataset of an HDF5 file, or the group that has it, such as a beam of GEDI [default: the only
+    /// one].
+    #[arg(long, value_name = "NAME")]
+    dataset: Option<String>,
     /// Direction of echoes from the ambient [default: as most rows show it].
     #[arg(long, value_enum)]
     polarity: Option<PolarityArg>,
@@ -37,6 +42,9 @@ pub(crate) struct EchoesArgs {
     /// width, shape and time.
     #[arg(long, value_name = "FILE")]
     outgoing: Option<PathBuf>,
+    /// Dataset of the emitted pulses [default: the one named so in the group of `--dataset`].
+    #[arg(long, value_name = "NAME", requires = "outgoing")]
+    outgoing_dataset: Option<String>,
     #[command(flatten)]
     response: ResponseArgs,
     /// Least height of an echo over the noise.
@@ -80,7 +88,8 @@ impl From<PolarityArg> for Polarity {
 pub(super) fn run(args: &EchoesArgs) -> Result<(), Failure> {
     checked(args)?;
     let outputs = args.response.outputs()?;
-    let rows = waveforms(args, &args.waves)?;
+    let received = Selection { name: args.dataset.clone(), kind: Kind::Received };
+    let rows = waveforms(args, &args.waves, &received)?;
     if let Some(row) = args.explain.filter(|row| *row >= rows.len()) {
         let (path, count) = (args.waves.display(), rows.len());
         return Err(Failure::usage(format!("--explain {row}: {path} has {count} rows, from 0")));
@@ -201,8 +210,8 @@ fn few(expected: f64) -> String {
 const AT_A_TIME: usize = 4096;
 
 /// Waveforms of a file, echoes upwards; what was taken otherwise than as rows of samples is said.
-fn waveforms(args: &EchoesArgs, path: &Path) -> Result<Rows, Failure> {
-    let rows = read_waveforms(path).map_err(Failure::usage)?;
+fn waveforms(args: &EchoesArgs, path: &Path, from: &Selection) -> Result<Rows, Failure> {
+    let rows = read_waveforms(path, from).map_err(Failure::usage)?;
     let rows = rows.with_polarity(args.polarity.map(Polarity::from));
     for remark in rows.remarks().iter().filter(|_| !args.common.quiet) {
         say(format_args!("remark: {}: {remark}", path.display()));
@@ -274,10 +283,19 @@ fn options(args: &EchoesArgs, sample_ns: f64) -> Options {
     }
 }
 
+/// Emitted pulses of an HDF5 file: as named, or beside the waveforms.
+fn emitted(args: &EchoesArgs, path: &Path) -> Selection {
+    let beside = args.dataset.clone().filter(|_| path == args.waves);
+    match (&args.outgoing_dataset, beside) {
+        (None, Some(name)) => Selection { name: Some(name), kind: Kind::EmittedBeside },
+        (name, _) => Selection { name: name.clone(), kind: Kind::Emitted },
+    }
+}
+
 /// Reads the emitted pulses: as many as rows, or one. A row that shows no pulse is warned of and
 /// left out.
 fn outgoing_rows(args: &EchoesArgs, path: &Path, rows: usize, ns: f64) -> Result<Rows, Failure> {
-    let outgoing = waveforms(args, path)?;
+    let outgoing = waveforms(args, path, &emitted(args, path))?;
     sample_ns(Some(ns), path, &outgoing)?;
     if outgoing.len() != rows && outgoing.len() != 1 {
         let (path, waves) = (path.display(), args.waves.display());

@@ -1,6 +1,6 @@
 //! Waveforms of other instruments, and their echoes.
 //!
-//! To read another format, add a file beside `csv`, `scope` and `npy`, and call it in [`read`].
+//! To read another format, add a file beside `csv`, `npy` and `hdf5`, and call it in [`read`].
 //!
 //! ```text
 //! file ─ read → rows of numbers ─ codes → ADC codes ─ finder → samples ─ echoes → ns, file's units
@@ -29,6 +29,7 @@
 //! assert!((found[0].echoes[0].time_ns - 80.0).abs() < 0.1);
 //! ```
 
+mod array;
 mod axis;
 mod background;
 pub mod codes;
@@ -36,6 +37,7 @@ mod csv;
 pub mod echoes;
 pub mod finder;
 mod gaps;
+mod hdf5;
 mod missing;
 mod noise;
 mod npy;
@@ -48,6 +50,7 @@ mod scope;
 pub use axis::TimeAxis;
 pub use echoes::{DroppedTop, Echo, Finder, Options, POSSIBLE_REPEAT, Waveform};
 pub use finder::Reason;
+pub use hdf5::{Kind, Selection};
 pub use noise::Noise;
 pub use polarity::Polarity;
 pub use read::{parse_waveforms, read_table, read_waveforms};

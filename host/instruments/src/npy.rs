@@ -9,9 +9,9 @@
 //! No crate reads it: those bring a parser generator and assembly for the three entries of the
 //! header.
 
-use echoloop_files::{NumberType, one_line, padded};
+use echoloop_files::{NumberType, one_line};
 
-use super::read::no_number;
+use super::array::{Array, Layout, Number};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -20,56 +20,8 @@ pub(super) fn is_npy(bytes: &[u8]) -> bool {
     bytes.starts_with(MAGIC)
 }
 
-/// An array whose numbers are all finite.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Array {
-    bytes: Vec<u8>,
-    /// Offset of the first number.
-    start: usize,
-    rows: usize,
-    columns: usize,
-    number: Number,
-    /// True in Fortran's order.
-    by_columns: bool,
-}
-
-impl Array {
-    pub(super) fn rows(&self) -> usize {
-        self.rows
-    }
-
-    pub(super) fn columns(&self) -> usize {
-        self.columns
-    }
-
-    /// Numbers of a row; panics when the row does not exist.
-    pub(super) fn row(&self, row: usize) -> impl Iterator<Item = f64> + '_ {
-        (0..self.columns).map(move |column| self.number(row, column))
-    }
-
-    /// A number; panics when it does not exist.
-    pub(super) fn number(&self, row: usize, column: usize) -> f64 {
-        let index = match self.by_columns {
-            true => column * self.rows + row,
-            false => row * self.columns + column,
-        };
-        let at = self.start + index * self.number.kind.size();
-        self.number.read(&self.bytes[at..at + self.number.kind.size()])
-    }
-
-    /// Refuses numbers that are not finite.
-    fn check(&self) -> Result<(), String> {
-        for row in 0..self.rows {
-            if let Some((column, value)) = self.row(row).enumerate().find(|(_, v)| !v.is_finite()) {
-                return Err(no_number(row + 1, column + 1, &value.to_string(), ""));
-            }
-        }
-        Ok(())
-    }
-}
-
 /// An array of two dimensions, or of one dimension as a single row.
-pub(super) fn parse(bytes: Vec<u8>) -> Result<Array, String> {
+pub(super) fn parse(mut bytes: Vec<u8>) -> Result<Array, String> {
     let (header, data) = split(&bytes)
         .ok_or_else(|| refused("a header that ends within the file", "a shorter file"))?;
     let (rows, columns) = shape(entry(header, "shape").unwrap_or_default())?;
@@ -88,10 +40,8 @@ pub(super) fn parse(bytes: Vec<u8>) -> Result<Array, String> {
         // Rows without a number take no room in the file: nothing bounds how many it claims.
         return Err(refused("a number or more a row", &format!("{rows} × 0 numbers")));
     }
-    let start = bytes.len() - data.len();
-    let array = Array { bytes, start, rows, columns, number, by_columns };
-    array.check()?;
-    Ok(array)
+    bytes.drain(..bytes.len() - data.len());
+    Array::new(bytes, number, Layout::Table { rows, columns, by_columns }, None)
 }
 
 fn refused(expected: &str, found: &str) -> String {
@@ -135,13 +85,6 @@ fn shape(text: &str) -> Result<(usize, usize), String> {
     }
 }
 
-/// Format of a stored number.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Number {
-    big_endian: bool,
-    kind: NumberType,
-}
-
 /// Types of numbers by their names in NumPy, the byte order left out.
 const TYPES: [(&str, NumberType); 11] = [
     ("b1", NumberType::U8),
@@ -173,20 +116,12 @@ impl Number {
         let known = TYPES.iter().find(|(name, _)| *name == letters.as_str());
         known.map(|&(_, kind)| Self { big_endian, kind }).ok_or_else(unknown)
     }
-
-    /// One number of as many bytes as its type has.
-    fn read(&self, bytes: &[u8]) -> f64 {
-        let mut whole = padded(bytes);
-        if self.big_endian {
-            whole[..bytes.len()].reverse();
-        }
-        self.kind.value(whole)
-    }
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use super::super::read::no_number;
     use super::*;
 
     fn rows(bytes: &[u8]) -> Result<Vec<Vec<f64>>, String> {

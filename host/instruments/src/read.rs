@@ -4,13 +4,15 @@ use std::path::Path;
 
 use echoloop_files::{FileError, read_data};
 
+use super::hdf5::Selection;
 use super::npy::is_npy;
 use super::rows::Rows;
-use super::{csv, npy, scope};
+use super::{csv, hdf5, npy, scope};
 
 /// Reads waveforms: one a row, CSV without a header, rows of any length, or a NumPy `.npy` array of
-/// one or two dimensions (recognised by its first bytes, not by its name). Or one below the other:
-/// a value a line, a time and values a line, the CSV of a LeCroy or Tektronix oscilloscope.
+/// one or two dimensions, or the datasets of an HDF5 file (both recognised by their first bytes, not
+/// by their name). Or one below the other: a value a line, a time and values a line, the CSV of a
+/// LeCroy or Tektronix oscilloscope.
 ///
 /// A sample is missing where a cell is empty or has the fill value of the file. An empty row is an
 /// empty waveform; empty cells at a row's end are dropped. What was not taken for rows of samples
@@ -19,20 +21,37 @@ use super::{csv, npy, scope};
 /// # Errors
 ///
 /// [`FileError`] names the file, the expected content and, for a cell that is no finite number, row
-/// and column. A file without rows is an error too.
-pub fn read_waveforms(path: &Path) -> Result<Rows, FileError> {
-    parse_waveforms(path, read_data(path).map_err(FileError::io(path))?)
+/// and column. A file without rows is an error too, and a selection that leaves several datasets of
+/// an HDF5 file, or that names one where there are none.
+pub fn read_waveforms(path: &Path, selection: &Selection) -> Result<Rows, FileError> {
+    match hdf5::is_hdf5_file(path) {
+        true => finished(path, hdf5::read(path, selection)),
+        false => parse_waveforms(path, read_data(path).map_err(FileError::io(path))?, selection),
+    }
 }
 
 /// As [`read_waveforms`], from bytes; `path` is for messages.
-pub fn parse_waveforms(path: &Path, bytes: Vec<u8>) -> Result<Rows, FileError> {
-    let parsed = match is_npy(&bytes) {
-        true => npy::parse(bytes).map(Rows::of_array),
-        false => csv::text(&bytes)
-            .and_then(|text| csv::parse(text).or_else(|problem| scope::parse(text).ok_or(problem))),
+pub fn parse_waveforms(
+    path: &Path,
+    bytes: Vec<u8>,
+    selection: &Selection,
+) -> Result<Rows, FileError> {
+    let parsed = match () {
+        () if hdf5::is_hdf5(&bytes) => hdf5::parse(bytes, selection),
+        () if selection.name.is_some() => Err("expected HDF5, the only files with datasets".into()),
+        () if is_npy(&bytes) => {
+            npy::parse(bytes).map(|array| Rows::of_array(array).into_waveforms())
+        }
+        () => csv::text(&bytes)
+            .and_then(|text| csv::parse(text).or_else(|problem| scope::parse(text).ok_or(problem)))
+            .map(Rows::into_waveforms),
     };
+    finished(path, parsed)
+}
+
+fn finished(path: &Path, parsed: Result<Rows, String>) -> Result<Rows, FileError> {
     let rows = parsed.and_then(not_empty).map_err(FileError::content(path))?;
-    Ok(rows.into_waveforms().without_fill())
+    Ok(rows.without_fill())
 }
 
 /// Reads the rows of a table of numbers, CSV without a header or `.npy`, as they are.

@@ -3,10 +3,11 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+use super::array::Array;
 use super::axis::TimeAxis;
 use super::codes::Codes;
 use super::missing::fill_value;
-use super::npy::Array;
+
 use super::polarity::Polarity;
 
 /// Rows of a file, each read on demand.
@@ -61,13 +62,30 @@ impl Rows {
         self
     }
 
-    /// The rows without samples that the file does not have: its fill value, if it has one.
-    pub(super) fn without_fill(mut self) -> Self {
-        if let Some((fill, count)) = fill_value(&self) {
-            self.fill = Some(fill);
-            let samples = if count == 1 { "1 sample" } else { &format!("{count} samples") };
-            self.remarks.push(format!("{samples} of {fill} are taken for missing"));
+    /// The rows without samples that the file does not have: its fill value, if it has one. A file
+    /// that names it has said so already.
+    pub(super) fn without_fill(self) -> Self {
+        if self.fill.is_some() {
+            return self;
         }
+        match fill_value(&self) {
+            Some((fill, count)) => self.without(fill, count),
+            None => self,
+        }
+    }
+
+    /// The rows without the samples that have the value named by the file.
+    pub(super) fn with_fill(self, fill: Option<f64>) -> Self {
+        let Some(fill) = fill else { return self };
+        let is_fill = |value: &&f64| **value == fill || value.is_nan() && fill.is_nan();
+        let count = (0..self.len()).map(|row| self.row(row).iter().filter(is_fill).count()).sum();
+        if count > 0 { self.without(fill, count) } else { self }
+    }
+
+    fn without(mut self, fill: f64, count: usize) -> Self {
+        self.fill = Some(fill);
+        let samples = if count == 1 { "1 sample" } else { &format!("{count} samples") };
+        self.remarks.push(format!("{samples} of {fill} are taken for missing"));
         self
     }
 
@@ -112,7 +130,8 @@ impl Rows {
         match self.stored {
             Stored::Text { numbers, .. } => numbers,
             Stored::Array(array) => {
-                let mut numbers = Vec::with_capacity(array.rows() * array.columns());
+                let count = (0..array.rows()).map(|row| array.row_len(row)).sum();
+                let mut numbers = Vec::with_capacity(count);
                 (0..array.rows()).for_each(|row| numbers.extend(array.row(row)));
                 numbers
             }
@@ -123,7 +142,7 @@ impl Rows {
     pub(super) fn row_len(&self, row: usize) -> usize {
         match &self.stored {
             Stored::Text { ends, .. } => text_row(ends, row).len(),
-            Stored::Array(array) => array.columns(),
+            Stored::Array(array) => array.row_len(row),
         }
     }
 

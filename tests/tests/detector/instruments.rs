@@ -13,7 +13,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use echoloop_instruments::response::LEAST_ECHOES;
-use echoloop_instruments::{Finder, Noise, Options, Response, parse_waveforms};
+use echoloop_instruments::{Finder, Noise, Options, Response, Selection, parse_waveforms};
 use echoloop_random::Generator;
 use echoloop_tests::instruments::{Instrument, KINDS, Kind, LocalMaxima, Record, Score};
 
@@ -135,7 +135,8 @@ fn records_are_rows_of_rising_echoes_and_nothing_is_missing() {
                 let turned: Vec<Vec<f64>> =
                     rows.iter().map(|row| row.iter().map(|&v| turned(v)).collect()).collect();
                 let text: String = turned.iter().map(line).collect();
-                parse_waveforms(Path::new("waves.csv"), text.into()).expect("rows")
+                parse_waveforms(Path::new("waves.csv"), text.into(), &Selection::default())
+                    .expect("rows")
             };
             let rising = of_file(&|value| value).with_polarity(None);
             assert_eq!((rising.len(), rising.remarks().len()), (20, 0), "{name} {seed}");
