@@ -10,6 +10,7 @@
 //! Every parameter comes from the seed. Times are samples.
 
 use echoloop_random::{Generator, derive};
+use nalgebra::{DMatrix, DVector};
 
 /// Kind of instrument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,6 +65,9 @@ pub struct TrueEcho {
     pub time: f64,
     /// Full width at half maximum.
     pub width: f64,
+    /// SNR after the matched filter that knows the shape of every echo, but of the others neither
+    /// height nor place; see [`Instrument::snr`].
+    pub snr: f64,
 }
 
 /// A waveform and its echoes.
@@ -271,16 +275,69 @@ impl Instrument {
             let turn = (i as f64 / length * drift.2 + drift.1).sin();
             *v += self.ambient + drift.0 * turn;
         }
-        let mut echoes = Vec::new();
-        for &Placed { time, height, surface } in &placed {
-            let (curve, width) = self.response.on(surface).normal();
+        let curves: Vec<(Curve, f64)> =
+            placed.iter().map(|placed| self.response.on(placed.surface).normal()).collect();
+        for (Placed { time, height, .. }, (curve, _)) in placed.iter().zip(&curves) {
             for (i, v) in values.iter_mut().enumerate() {
                 *v += height * curve.at(i as f64 - time);
             }
-            echoes.push(TrueEcho { time, width });
         }
+        let echo = |i: usize| {
+            let (time, width) = (placed[i].time, curves[i].1);
+            TrueEcho { time, width, snr: self.snr(&placed, &curves, i, values.len()) }
+        };
+        let echoes = (0..placed.len()).map(echo).collect();
         let samples = values.iter().map(|v| v.round().clamp(0.0, self.most)).collect();
         Record { samples, echoes }
+    }
+
+    /// SNR of an echo after the matched filter, in the noise of the record.
+    ///
+    /// ```text
+    /// C     covariance of the noise, rounding to codes included:  σ²·e^(−k²/4c²) + δ_k/12
+    /// h     A·response on the surface, within 1.2 widths
+    /// N     the ambient, and the other echoes' responses with their derivatives
+    /// snr²  = h⊥ᵀ·C⁻¹·h⊥,   h⊥ = h without its part in N
+    /// ```
+    fn snr(&self, placed: &[Placed], curves: &[(Curve, f64)], i: usize, samples: usize) -> f64 {
+        let reach = 1.2 * curves[i].1;
+        let first = (placed[i].time - reach).max(0.0) as usize;
+        let times: Vec<f64> = (first..samples)
+            .map(|n| n as f64)
+            .take_while(|n| *n <= placed[i].time + reach)
+            .collect();
+        let covariance = DMatrix::from_fn(times.len(), times.len(), |a, b| {
+            let lag = times[a] - times[b];
+            let own = if a == b { self.sigma.powi(2) + 1.0 / 12.0 } else { 0.0 };
+            match self.correlation {
+                c if a != b && c > 0.0 => self.sigma.powi(2) * (-lag * lag / (4.0 * c * c)).exp(),
+                _ => own,
+            }
+        });
+        let whitening = covariance.cholesky().expect("a covariance").l();
+        let white = |value: &dyn Fn(f64) -> f64| {
+            let values = DVector::from_iterator(times.len(), times.iter().map(|t| value(*t)));
+            whitening.solve_lower_triangular(&values).expect("a triangle")
+        };
+        let mut others = vec![white(&|_| 1.0)];
+        for j in (0..placed.len()).filter(|j| *j != i) {
+            let at = |t: f64| curves[j].0.at(t - placed[j].time);
+            others.push(white(&at));
+            others.push(white(&|t| at(t + 0.5) - at(t - 0.5)));
+        }
+        let mut echo = white(&|t| placed[i].height * curves[i].0.at(t - placed[i].time));
+        let mut basis: Vec<DVector<f64>> = Vec::new();
+        for other in others {
+            let rest = basis.iter().fold(other.clone(), |rest, b| &rest - b * b.dot(&rest));
+            // One that does not reach here.
+            if rest.norm() > 1e-6 * other.norm().max(1e-3) {
+                basis.push(rest.normalize());
+            }
+        }
+        for b in &basis {
+            echo -= b * b.dot(&echo);
+        }
+        echo.norm()
     }
 
     /// Draws echoes by time, far enough apart to have separate tops.
@@ -413,12 +470,17 @@ fn prominence(y: &[f64], first: usize, last: usize) -> f64 {
     top - left.max(right)
 }
 
+/// Least SNR of an echo that counts.
+pub const VISIBLE: f64 = 5.0;
+
 /// Detections in some records, counted.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Score {
-    /// True echoes.
+    /// True echoes that a matched filter could see.
     pub echoes: usize,
-    /// True echoes found within two samples or three tenths of their width.
+    /// True echoes that it could not.
+    pub unseen: usize,
+    /// Of those it could, found within two samples or three tenths of their width.
     pub found: usize,
     /// Detections without a true echo.
     pub extra: usize,
@@ -434,9 +496,13 @@ impl Score {
     /// Adds a record.
     pub fn add(&mut self, truth: &[TrueEcho], times: &[f64]) {
         let found = paired(truth, times);
-        self.echoes += truth.len();
-        self.found += found;
-        self.extra += times.len() - found;
+        let is_visible = |echo: &TrueEcho| echo.snr >= VISIBLE;
+        let visible = truth.iter().filter(|echo| is_visible(echo)).count();
+        self.echoes += visible;
+        self.unseen += truth.len() - visible;
+        self.found +=
+            truth.iter().zip(&found).filter(|(e, found)| is_visible(e) && **found).count();
+        self.extra += times.len() - found.iter().filter(|found| **found).count();
         self.records += 1;
         if truth.len() == 1 {
             self.singles += 1;
@@ -444,7 +510,7 @@ impl Score {
         }
     }
 
-    /// Share of echoes found.
+    /// Share of the visible echoes found.
     pub fn recall(&self) -> f64 {
         self.found as f64 / self.echoes as f64
     }
@@ -460,8 +526,8 @@ impl Score {
     }
 }
 
-/// Number of pairs of a true echo and a detection, nearest first.
-fn paired(truth: &[TrueEcho], times: &[f64]) -> usize {
+/// True for each echo that pairs with a detection, the nearest pairs first.
+fn paired(truth: &[TrueEcho], times: &[f64]) -> Vec<bool> {
     let mut pairs = Vec::new();
     for (i, echo) in truth.iter().enumerate() {
         for (j, time) in times.iter().enumerate() {
@@ -473,12 +539,10 @@ fn paired(truth: &[TrueEcho], times: &[f64]) -> usize {
     }
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (mut met, mut used) = (vec![false; truth.len()], vec![false; times.len()]);
-    let mut count = 0;
     for (_, i, j) in pairs {
         if !met[i] && !used[j] {
             (met[i], used[j]) = (true, true);
-            count += 1;
         }
     }
-    count
+    met
 }

@@ -8,7 +8,7 @@
 //! | [`semantic`] | a scan of CARLA's semantic LiDAR | finite directions, echoes of some strength |
 //! | [`roads`] | a road network | lanes of finite points, waypoints on each that is driven |
 //! | [`cloud_ply`], [`pcd`], [`vtk`], [`kitti`], [`xyz`] | a cloud | echoes, fewer than bytes |
-//! | [`rows`] | waveforms or a response, CSV, NumPy, HDF5 | finite, no more than bytes, or 64 times |
+//! | [`rows`] | waveforms or a response, CSV, NumPy, HDF5 | finite, no more than 64 × bytes |
 //! | [`pose`] | a motion | a rotation |
 //! | [`configuration`] | TOML | it reads back as itself |
 //! | [`journal`] | lines; also with right checksums | no more generations than lines |

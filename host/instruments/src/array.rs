@@ -62,7 +62,7 @@ impl Array {
     ) -> Result<Self, String> {
         let array = Self { bytes, number, layout };
         let may_be_nan = missing.is_some_and(f64::is_nan);
-        let is_refused = |value: f64| !value.is_finite() && !(may_be_nan && value.is_nan());
+        let is_refused = |value: f64| !(value.is_finite() || may_be_nan && value.is_nan());
         for row in 0..array.rows() {
             let mut values = array.row(row).enumerate();
             if let Some((column, value)) = values.find(|(_, value)| is_refused(*value)) {

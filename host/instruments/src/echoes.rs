@@ -15,7 +15,7 @@ use super::finder::{
     Dropped, EchoFinder, FinderConfig, FoundEcho, Pulse, Reason, Threshold, from_samples, samples,
 };
 use super::noise::Noise;
-use super::response::{Candidate, Record, Response, Split, Verdict, at_rest};
+use super::response::{Candidate, Explained, Missed, Record, Response, Split, Verdict, at_rest};
 use super::rows::{Rows, without_padding};
 
 /// Settings of the search for echoes.
@@ -222,7 +222,7 @@ impl Finder {
         tops.drop_if(Reason::Gap, is_beside_gap);
         if let Some(response) = &self.response {
             let record = Record { x: &rest.0, sigma: rest.1, unit: codes.unit };
-            drop_explained(response, codes, &record, &mut tops);
+            self.drop_explained(response, codes, &record, &mut tops);
         }
         let highest = tops.found.iter().map(|echo| echo.amplitude).max().unwrap_or_default();
         tops.drop_if(Reason::Floor, |echo| {
@@ -250,6 +250,47 @@ impl Finder {
         let false_alarms = shortened(false_alarms);
         let background = shortened(change);
         Waveform { waveform, outgoing_peak_ns, background, false_alarms, echoes, dropped }
+    }
+
+    /// Drops the tops that the response explains, and adds what it shows without one. An echo that
+    /// took in other tops gets the time and width of all together.
+    fn drop_explained(&self, response: &Response, codes: &Codes, record: &Record, tops: &mut Tops) {
+        let candidate = |echo: &FoundEcho| Candidate {
+            time: samples(echo.time),
+            height: codes.of_height(echo.amplitude),
+            width: samples(echo.width),
+        };
+        let candidates: Vec<Candidate> = tops.found.iter().map(candidate).collect();
+        let Explained { verdicts, splits, missed } = response.explain(record, &candidates);
+        let hidden = split(codes, tops, &splits);
+        let mut verdicts = verdicts.into_iter();
+        tops.drop_if(Reason::Response, |echo| match verdicts.next() {
+            Some(Verdict::Whole { time, width }) => {
+                (echo.time, echo.width) = (from_samples(time), from_samples(width));
+                false
+            }
+            verdict => verdict == Some(Verdict::Explained),
+        });
+        tops.found.extend(hidden);
+        for missed in &missed {
+            let echo = without_top(missed, codes);
+            if missed.snr >= self.options.snr && self.may_be_added(&echo, codes, response, tops) {
+                tops.found.push(echo);
+            }
+        }
+        tops.found.sort_by_key(|echo| echo.time);
+        flag_merged(&mut tops.found, from_samples(MERGED * response.width()));
+    }
+
+    /// True when an echo without a top passes what tops have passed before.
+    fn may_be_added(&self, echo: &FoundEcho, codes: &Codes, of: &Response, tops: &Tops) -> bool {
+        let near = from_samples(of.width() / 2.0);
+        let apart = from_samples(self.options.min_separation_ns / self.options.sample_ns);
+        let highest = tops.found.iter().map(|echo| echo.amplitude).max().unwrap_or_default();
+        echo.amplitude as f64 >= self.options.floor * highest as f64
+            && !codes.is_beside_gap(samples(echo.time).round() as usize)
+            && tops.found.iter().all(|other| (other.time - echo.time).abs() >= apart)
+            && tops.dropped.iter().all(|top| (top.time - echo.time).abs() >= near)
     }
 
     /// Names of an echo's flags.
@@ -312,30 +353,6 @@ fn finder() -> Box<EchoFinder> {
     Box::new(EchoFinder::new())
 }
 
-/// Drops the tops that the response explains. An echo that took in other tops gets the time and
-/// width of all together.
-fn drop_explained(response: &Response, codes: &Codes, record: &Record, tops: &mut Tops) {
-    let candidate = |echo: &FoundEcho| Candidate {
-        time: samples(echo.time),
-        height: codes.of_height(echo.amplitude),
-        width: samples(echo.width),
-    };
-    let candidates: Vec<Candidate> = tops.found.iter().map(candidate).collect();
-    let (verdicts, splits) = response.explain(record, &candidates);
-    let hidden = split(codes, tops, &splits);
-    let mut verdicts = verdicts.into_iter();
-    tops.drop_if(Reason::Response, |echo| match verdicts.next() {
-        Some(Verdict::Whole { time, width }) => {
-            (echo.time, echo.width) = (from_samples(time), from_samples(width));
-            false
-        }
-        verdict => verdict == Some(Verdict::Explained),
-    });
-    tops.found.extend(hidden);
-    tops.found.sort_by_key(|echo| echo.time);
-    flag_merged(&mut tops.found, from_samples(MERGED * response.width()));
-}
-
 /// Gives the echoes that were split their own places, and returns the hidden ones.
 fn split(codes: &Codes, tops: &mut Tops, splits: &[Split]) -> Vec<FoundEcho> {
     let mut hidden = Vec::new();
@@ -359,6 +376,20 @@ fn split(codes: &Codes, tops: &mut Tops, splits: &[Split]) -> Vec<FoundEcho> {
         hidden.push(part(&parts[1]));
     }
     hidden
+}
+
+/// An echo that the response shows without a top.
+fn without_top(Missed { echo, snr }: &Missed, codes: &Codes) -> FoundEcho {
+    let time = from_samples(echo.time);
+    FoundEcho {
+        time,
+        top: time,
+        centre: time,
+        amplitude: (echo.height * codes.scale()).round() as i64,
+        width: from_samples(echo.width),
+        snr: (256.0 * snr) as u32,
+        flags: Flags::MERGED,
+    }
 }
 
 /// Flags echoes whose neighbour is nearer than `near`, Q16.16 samples.

@@ -82,7 +82,7 @@ impl Kind {
 const MOST_OF_FILE: u64 = 64;
 const MORE: u64 = 1 << 20;
 
-/// Bytes of a block of the file that is kept, and their number: the tree of names is in many places.
+/// Bytes of a block of the file that is kept, and their number: the names lie in many places.
 const BLOCK: usize = 1 << 16;
 const BLOCKS: usize = 64;
 
@@ -269,7 +269,8 @@ fn pieces(group: &Group, name: &str, samples: usize) -> Result<Option<Vec<Range<
     let (starts, counts) = (starts?, counts?);
     if starts.len() != counts.len() {
         return Err(format!(
-            "expected as many {prefix}_sample_start_index as {prefix}_sample_count, found {} and {}",
+            "expected as many {prefix}_sample_start_index as {prefix}_sample_count, found {} and \
+             {}",
             starts.len(),
             counts.len()
         ));

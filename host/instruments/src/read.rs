@@ -9,8 +9,8 @@ use super::npy::is_npy;
 use super::rows::Rows;
 use super::{csv, hdf5, npy, scope};
 
-/// Reads waveforms: one a row, CSV without a header, rows of any length, or a NumPy `.npy` array of
-/// one or two dimensions, or the datasets of an HDF5 file (both recognised by their first bytes, not
+/// Reads waveforms: one a row, CSV without a header, rows of any length, a NumPy `.npy` array of
+/// one or two dimensions, or a dataset of an HDF5 file (both recognised by their first bytes, not
 /// by their name). Or one below the other: a value a line, a time and values a line, the CSV of a
 /// LeCroy or Tektronix oscilloscope.
 ///

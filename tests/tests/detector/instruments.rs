@@ -15,7 +15,7 @@ use std::path::Path;
 use echoloop_instruments::response::LEAST_ECHOES;
 use echoloop_instruments::{Finder, Noise, Options, Response, Selection, parse_waveforms};
 use echoloop_random::Generator;
-use echoloop_tests::instruments::{Instrument, KINDS, Kind, LocalMaxima, Record, Score};
+use echoloop_tests::instruments::{Instrument, KINDS, Kind, LocalMaxima, Record, Score, VISIBLE};
 
 /// Records per instrument, in the test and in the long version.
 const RECORDS: [u64; 2] = [80, 200];
@@ -116,6 +116,11 @@ fn the_response_halves_extra_echoes_keeps_single_ones_single_and_loses_none() {
         let value = |scores: &[Score], of: fn(&Score) -> f64| mean(scores, of).0;
         let recall = |scores| value(scores, Score::recall);
         let extras = |scores| value(scores, Score::extras);
+        let Score { unseen, echoes, .. } = together(&ours);
+        println!(
+            "{name}: of {} echoes a matched filter sees {echoes} at {VISIBLE} σ",
+            unseen + echoes
+        );
         assert!(extras(&ours) < 0.5 * extras(&before), "{name}: extra echoes");
         assert!(recall(&ours) > recall(&before).max(recall(&plain)), "{name}: recall");
         assert!(recall(&ours) > 0.94, "{name}: recall");
@@ -155,6 +160,7 @@ fn together(scores: &[Score]) -> Score {
     let mut sum = Score::default();
     for score in scores {
         sum.echoes += score.echoes;
+        sum.unseen += score.unseen;
         sum.found += score.found;
         sum.extra += score.extra;
         sum.records += score.records;

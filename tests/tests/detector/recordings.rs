@@ -156,8 +156,8 @@ fn counts_of_photons_have_no_response() {
 fn two_walls_of_any_height_at_a_steady_distance_are_two_echoes() {
     let draw = &mut Generator::new(94, 0);
     for spacing in [1.35, 1.6, 2.0, 3.0, 6.0] {
-        for wavers in [0.0, 0.15] {
-            for level in [0.5, 0.8, 1.0] {
+        for wavers in [0.0, 0.15, 0.33] {
+            for level in [0.5, 0.8, 1.0, 1.6] {
                 let row = |k: usize| {
                     let first = 80.0 + k as f64 / 60.0;
                     let second = first + 6.0 * (spacing + wavers * (2.0 * draw.unit() - 1.0));
@@ -172,7 +172,9 @@ fn two_walls_of_any_height_at_a_steady_distance_are_two_echoes() {
                 let response = Response::of_waveforms(&rows, 40).ok();
                 let found = Finder::new(OPTIONS).with_response(response).find(&rows, &[]);
                 let echoes: usize = found.iter().map(|waveform| waveform.echoes.len()).sum();
-                assert!(echoes >= 118, "{level} at {spacing} ± {wavers}: {echoes} of 120");
+                // A spacing that varies by a third of a width makes the lobes themselves differ.
+                let range = if wavers < 0.2 { 118..=122 } else { 106..=128 };
+                assert!(range.contains(&echoes), "{level} at {spacing} ± {wavers}: {echoes}");
             }
         }
     }
@@ -210,4 +212,60 @@ fn a_shoulder_behind_an_echo_is_an_echo_flagged_and_a_single_one_stays_single() 
             assert!(unflagged <= 2, "{level} at {spacing} widths: {unflagged} not flagged");
         }
     }
+}
+
+/// A fast rise and a slower fall, 8 samples wide: of the height of an echo around `time`.
+fn skewed(n: usize, time: f64) -> f64 {
+    let t = n as f64 - time;
+    if t < 0.0 { (-0.5 * (t / 2.5).powi(2)).exp() } else { 1.0 / (t / 4.0).cosh() }
+}
+
+/// Numbers of echoes in records of some echoes, by the response estimated from them.
+fn counted(records: &[Vec<(f64, f64)>], shape: impl Fn(usize, f64) -> f64) -> Vec<usize> {
+    let row = |(k, echoes): (usize, &Vec<(f64, f64)>)| {
+        let noise = Generator::new(98, k as u64).normals(300);
+        let value = |(n, noise): (usize, f64)| {
+            let sum: f64 = echoes.iter().map(|(time, height)| height * shape(n, *time)).sum();
+            (200.0 + sum + 2.0 * noise).round()
+        };
+        noise.into_iter().enumerate().map(value).collect()
+    };
+    let rows: Vec<Vec<f64>> = records.iter().enumerate().map(row).collect();
+    let response = Response::of_waveforms(&rows, 40).expect("strong echoes");
+    let found = Finder::new(OPTIONS).with_response(Some(response)).find(&rows, &[]);
+    found.iter().map(|waveform| waveform.echoes.len()).collect()
+}
+
+#[test]
+fn a_weak_wall_on_the_falling_flank_of_a_strong_one_is_found_without_a_top() {
+    for level in [0.08, 0.12] {
+        let draw = &mut Generator::new(99, 0);
+        let record = |_| {
+            let (first, high) = (80.0 + draw.unit(), draw.range(500.0, 1500.0));
+            let second = (first + draw.range(10.5, 12.0), level * high);
+            let is_double = draw.chance(0.25);
+            [(first, high)].into_iter().chain(is_double.then_some(second)).collect()
+        };
+        let records: Vec<Vec<(f64, f64)>> = (0..150).map(record).collect();
+        let found = counted(&records, skewed);
+        let wrong = found.iter().zip(&records).filter(|(n, echoes)| **n != echoes.len()).count();
+        assert!(wrong <= 3, "{level}: {wrong} of 150 records wrong");
+    }
+}
+
+#[test]
+fn a_deep_target_among_flat_ones_is_one_echo() {
+    let draw = &mut Generator::new(101, 0);
+    // A box of depth: as many walls, a sample apart.
+    let record = |_| {
+        let (first, high) = (80.0 + draw.unit(), draw.range(500.0, 1500.0));
+        let walls = if draw.chance(0.25) { 4 + draw.index(12) } else { 1 };
+        (0..walls).map(|k| (first + k as f64, high / walls as f64)).collect()
+    };
+    let records: Vec<Vec<(f64, f64)>> = (0..150).map(record).collect();
+    let found = counted(&records, |n, time| pulse(n, time, 6.0));
+    let several: Vec<_> = found.iter().zip(&records).filter(|(n, _)| **n != 1).collect();
+    let depths: Vec<usize> = several.iter().map(|(_, walls)| walls.len()).collect();
+    // A box of 1.8 widths is as two walls 1.1 apart.
+    assert!(several.len() <= 6, "{} of 150, {depths:?} samples deep", several.len());
 }

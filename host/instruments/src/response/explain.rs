@@ -4,6 +4,7 @@ use super::curve::FLAT;
 use super::estimate::LOBE;
 use super::fit::{Fit, Part, samples};
 use super::hidden::Split;
+use super::missed::Missed;
 use super::model::Response;
 
 /// Least improvement of the fit by an echo, over noise and the model's error.
@@ -52,6 +53,17 @@ pub(crate) enum Verdict {
     Explained,
 }
 
+/// What became of a record's tops, and the echoes without one.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Explained {
+    /// Verdict of each top, in the order given.
+    pub(crate) verdicts: Vec<Verdict>,
+    /// Tops of two echoes.
+    pub(crate) splits: Vec<Split>,
+    /// Echoes without a top.
+    pub(crate) missed: Vec<Missed>,
+}
+
 /// A record: samples without ambient, codes of `unit`, whose own noise is `sigma` codes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Record<'a> {
@@ -80,16 +92,14 @@ impl Response {
     /// The neighbours take over the light of a top that goes. The lowest go first: of two wrong
     /// tops that explain the same light, each alone would look necessary.
     ///
-    /// Then lobes of two echoes are split: see [`Split`].
-    pub(crate) fn explain(
-        &self,
-        record: &Record<'_>,
-        candidates: &[Candidate],
-    ) -> (Vec<Verdict>, Vec<Split>) {
-        // A lone echo stays.
-        let least = if self.splits_lobes() { 1 } else { 2 };
-        if candidates.len() < least || record.x.is_empty() {
-            return (vec![Verdict::Echo; candidates.len()], Vec::new());
+    /// Then what is left may be echoes without a top, see [`Missed`], and lobes of two echoes are
+    /// split, see [`Split`].
+    pub(crate) fn explain(&self, record: &Record<'_>, candidates: &[Candidate]) -> Explained {
+        if candidates.is_empty() || record.x.is_empty() {
+            return Explained {
+                verdicts: vec![Verdict::Echo; candidates.len()],
+                ..Default::default()
+            };
         }
         let mut order: Vec<usize> = (0..candidates.len()).collect();
         order.sort_by(|&a, &b| candidates[b].height.total_cmp(&candidates[a].height));
@@ -98,8 +108,9 @@ impl Response {
         for &index in order[1..].iter().rev() {
             work.decide(index);
         }
-        let splits = work.split_all();
-        (work.verdicts(), splits)
+        let missed = work.add_missed();
+        let splits = work.split_all(candidates.len());
+        Explained { verdicts: work.verdicts(candidates.len()), splits, missed }
     }
 }
 
@@ -109,14 +120,14 @@ pub(super) struct State {
     pub(super) part: Part,
     pub(super) stays: bool,
     /// True when it took in another top of its lobe.
-    grew: bool,
+    pub(super) grew: bool,
 }
 
 /// Fits of all candidates of a record.
 pub(super) struct Work<'a> {
     pub(super) response: &'a Response,
     x: &'a [f64],
-    candidates: &'a [Candidate],
+    pub(super) candidates: Vec<Candidate>,
     /// σ, codes.
     pub(super) noise: f64,
     /// σ_A, codes.
@@ -127,13 +138,13 @@ pub(super) struct Work<'a> {
 }
 
 impl<'a> Work<'a> {
-    fn new(response: &'a Response, record: &Record<'a>, candidates: &'a [Candidate]) -> Self {
+    fn new(response: &'a Response, record: &Record<'a>, candidates: &[Candidate]) -> Self {
         let (noise, height_noise) = response.noise_in(record.sigma, record.unit);
         let state = State { part: Part::NONE, stays: true, grew: false };
         Self {
             response,
             x: record.x,
-            candidates,
+            candidates: candidates.to_vec(),
             noise,
             height_noise,
             residual: record.x.to_vec(),
@@ -193,7 +204,7 @@ impl<'a> Work<'a> {
     }
 
     /// Decides whether a top stays.
-    fn decide(&mut self, index: usize) {
+    pub(super) fn decide(&mut self, index: usize) {
         let candidate = self.candidates[index];
         let group = self.neighbours(index);
         let own = self.taken(index);
@@ -251,6 +262,12 @@ impl<'a> Work<'a> {
         (without, with, gain.sqrt())
     }
 
+    /// A part as time, height and width.
+    pub(super) fn candidate(&self, part: Part) -> Candidate {
+        let width = self.response.family.width(part.surface);
+        Candidate { time: part.time, height: part.height, width }
+    }
+
     /// Nearest echo that stays on either side of a top, if it reaches the top.
     pub(super) fn neighbours(&self, index: usize) -> Vec<usize> {
         let candidate = &self.candidates[index];
@@ -293,7 +310,7 @@ impl<'a> Work<'a> {
     }
 
     /// True when a part is high enough over noise and over the response of the others.
-    fn is_clear(&self, own: &Part, around: &[Part]) -> bool {
+    pub(super) fn is_clear(&self, own: &Part, around: &[Part]) -> bool {
         let family = &self.response.family;
         let lobe = LOBE * self.response.width();
         let (mut repeats, mut noise, mut highest) = (0.0, self.height_noise, 0.0f64);
@@ -346,7 +363,8 @@ impl<'a> Work<'a> {
         samples(first..last, self.x.len())
     }
 
-    fn verdicts(&self) -> Vec<Verdict> {
+    /// Of the first of the states, which are those of tops.
+    fn verdicts(&self, tops: usize) -> Vec<Verdict> {
         let verdict = |state: &State| match (state.stays, state.grew) {
             (false, _) => Verdict::Explained,
             (true, false) => Verdict::Echo,
@@ -355,6 +373,6 @@ impl<'a> Work<'a> {
                 width: self.response.family.width(state.part.surface),
             },
         };
-        self.states.iter().map(verdict).collect()
+        self.states[..tops].iter().map(verdict).collect()
     }
 }

@@ -58,12 +58,11 @@ impl Work<'_> {
     ///
     /// One wide surface of any shape leaves more than E with two narrow echoes, too, as long as its
     /// shape can be told at all.
-    pub(super) fn split_all(&mut self) -> Vec<Split> {
+    pub(super) fn split_all(&mut self, tops: usize) -> Vec<Split> {
         if !self.response.splits_lobes() {
             return Vec::new();
         }
-        let mut order: Vec<usize> =
-            (0..self.states.len()).filter(|&i| self.states[i].stays).collect();
+        let mut order: Vec<usize> = (0..tops).filter(|&i| self.states[i].stays).collect();
         order.sort_by(|&a, &b| self.states[b].part.height.total_cmp(&self.states[a].part.height));
         order.into_iter().filter_map(|index| self.split(index)).collect()
     }
@@ -86,12 +85,7 @@ impl Work<'_> {
         self.put(index, kept);
         let [first, second] = [kept, found?[1]];
         second.add(&self.response.family, -1.0, &mut self.residual);
-        let candidate = |part: Part| super::Candidate {
-            time: part.time,
-            height: part.height,
-            width: self.response.family.width(part.surface),
-        };
-        Some(Split { index, parts: [candidate(first), candidate(second)] })
+        Some(Split { index, parts: [self.candidate(first), self.candidate(second)] })
     }
 
     /// The echo, a hidden one, and the other; `None` where one explains the lobe as well as noise

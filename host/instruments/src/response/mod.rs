@@ -15,13 +15,15 @@ mod estimate;
 mod explain;
 mod fit;
 mod hidden;
+mod missed;
 mod model;
 pub(super) mod robust;
 mod strong;
 mod text;
 
 pub use estimate::LEAST_ECHOES;
-pub(super) use explain::{Candidate, Record, Verdict};
+pub(super) use explain::{Candidate, Explained, Record, Verdict};
 pub(super) use hidden::Split;
+pub(super) use missed::Missed;
 pub use model::{Later, NoResponse, Response};
 pub(super) use strong::at_rest;

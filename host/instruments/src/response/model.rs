@@ -147,7 +147,7 @@ impl Response {
     }
 
     /// Levels within 0.6 widths of the top, a sample apart.
-    fn taps(&self) -> Vec<f64> {
+    pub(super) fn taps(&self) -> Vec<f64> {
         let curve = self.family.response();
         let half = (0.6 * curve.width).floor() as i32;
         (-half..=half).map(|n| curve.at(n.into()).0).collect()
