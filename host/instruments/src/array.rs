@@ -37,6 +37,11 @@ pub(super) struct Number {
 }
 
 impl Number {
+    /// A number as the processor stores it.
+    pub(super) fn native(kind: NumberType) -> Self {
+        Self { big_endian: cfg!(target_endian = "big"), kind }
+    }
+
     /// One number of as many bytes as its type has.
     pub(super) fn read(&self, bytes: &[u8]) -> f64 {
         let mut whole = padded(bytes);

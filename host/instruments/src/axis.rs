@@ -37,7 +37,8 @@ impl Rows {
         if is_table && count >= 3 && width == 1 {
             return Self::of_column(self.into_numbers());
         }
-        if is_table && width > 1 && count >= LEAST {
+        // More rows than columns: else the first column numbers the rows.
+        if is_table && width > 1 && count >= LEAST.max(width) {
             // A row of two numbers is no waveform, so that rounding is forgiven.
             let off = if width == 2 { ROUNDED } else { EXACT };
             if let Some(step) = even_step(&self.column(0), off) {
@@ -94,6 +95,14 @@ mod tests {
         assert_eq!((found.len(), &*found.row(0)), (1, &[5.0, 7.0, 6.0, 5.0][..]));
         assert!(found.remarks()[0].contains("one waveform of 4 samples"));
         assert_eq!(rows(&[&[5.0], &[7.0]]).len(), 2, "too few to be one");
+    }
+
+    #[test]
+    fn a_number_of_the_row_is_no_time() {
+        let table: Vec<Vec<f64>> = (0..10)
+            .map(|n| (0..12).map(|k| if k == 0 { n.into() } else { 7.0 }).collect())
+            .collect();
+        assert_eq!(Rows::of_rows(table).into_waveforms().len(), 10);
     }
 
     #[test]

@@ -239,9 +239,10 @@ fn rows(group: &Group, dataset: &Dataset) -> Result<Rows, String> {
         None => Layout::Table { rows, columns, by_columns: false },
     };
     let bytes = dataset.read_native_bytes().map_err(|e| one_line(&e.to_string()))?;
-    let number = Number { big_endian: cfg!(target_endian = "big"), kind };
     let fill = dataset.attribute("_FillValue").ok().and_then(|fill| fill.read_as_f64().ok());
-    let array = Array::new(bytes, number, layout, fill)?;
+    // As the samples are stored: -9999.9 is another number in four bytes.
+    let fill = fill.map(|fill| if kind == NumberType::F32 { f64::from(fill as f32) } else { fill });
+    let array = Array::new(bytes, Number::native(kind), layout, fill)?;
     let rows = Rows::of_array(array).with_fill(fill);
     Ok(if is_gedi { rows.with_axis(NANOSECOND) } else { rows })
 }
@@ -259,7 +260,7 @@ fn pieces(group: &Group, name: &str, samples: usize) -> Result<Option<Vec<Range<
         let kind = kind_of(dataset.dtype())?;
         let bytes = dataset.read_native_bytes().map_err(|e| one_line(&e.to_string()));
         Some(bytes.map(|bytes| {
-            let number = Number { big_endian: cfg!(target_endian = "big"), kind };
+            let number = Number::native(kind);
             bytes.chunks_exact(kind.size()).map(|bytes| number.read(bytes)).collect::<Vec<f64>>()
         }))
     };

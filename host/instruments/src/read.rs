@@ -43,7 +43,9 @@ pub fn parse_waveforms(
             npy::parse(bytes).map(|array| Rows::of_array(array).into_waveforms())
         }
         () => csv::text(&bytes)
-            .and_then(|text| csv::parse(text).or_else(|problem| scope::parse(text).ok_or(problem)))
+            .and_then(|text| {
+                csv::parse(text).or_else(|problem| scope::parse(text).unwrap_or(Err(problem)))
+            })
             .map(Rows::into_waveforms),
     };
     finished(path, parsed)

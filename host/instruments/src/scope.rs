@@ -14,37 +14,73 @@
 //! -1e-09,0.1
 //! ```
 
+use echoloop_files::one_line;
+
 use super::axis::{ROUNDED, TimeAxis, even_step};
+use super::read::no_number;
 use super::rows::Rows;
 
 /// Least number of lines of a segment.
 const LEAST: usize = 8;
 
 /// Waveforms of such a text, segment by segment, each with its columns in their order; `None` where
-/// it is none. Times are in seconds.
-pub(super) fn parse(text: &str) -> Option<Rows> {
-    let lines: Vec<Vec<&str>> =
-        text.lines().filter(|line| !line.trim().is_empty()).map(cells).collect();
+/// it is none. Times are in seconds, or in the unit beside or below their name.
+///
+/// # Errors
+///
+/// A cell that is no finite number below or at the end of such columns, by row and column.
+pub(super) fn parse(text: &str) -> Option<Result<Rows, String>> {
+    let (places, lines): (Vec<usize>, Vec<Vec<&str>>) = text
+        .lines()
+        .enumerate()
+        .filter(|(_, line)| !line.trim().is_empty())
+        .map(|(place, line)| (place + 1, cells(line)))
+        .unzip();
     let is_number = |cell: &&str| number(cell).is_some();
     let last = lines.last()?;
     let mut columns: Vec<usize> = (0..last.len()).filter(|&k| is_number(&last[k])).collect();
-    let is_data = |line: &Vec<&str>| columns.iter().all(|&k| line.get(k).is_some_and(is_number));
+    let missing = |line: &Vec<&str>, columns: &[usize]| {
+        columns.iter().copied().find(|&k| !line.get(k).is_some_and(is_number))
+    };
+    let refused = |line: usize, column: usize| {
+        let found = lines[line].get(column).map_or("nothing".into(), |cell| format!("{cell:?}"));
+        Some(Err(no_number(places[line], column + 1, &one_line(&found), "")))
+    };
+    // A cut last line must not take a column away.
+    if let Some(before) = lines.len().checked_sub(2).filter(|before| *before >= LEAST) {
+        let whole: Vec<usize> =
+            (0..lines[before].len()).filter(|&k| is_number(&lines[before][k])).collect();
+        if let Some(column) = missing(last, &whole) {
+            return refused(before + 1, column);
+        }
+    }
+    let is_data = |line: &Vec<&str>| missing(line, &columns).is_none();
     let first = lines.iter().rposition(|line| !is_data(line)).map_or(0, |before| before + 1);
-    // A line of names says which column is the time; an index of the sample may stand before it.
-    if let Some(names) = first.checked_sub(1).map(|before| &lines[before]) {
-        let is_time = |name: &&str| name.to_ascii_lowercase().starts_with("time");
-        if let Some(time) = names.iter().position(is_time) {
+    if let Some(other) = first.checked_sub(1) {
+        let above = lines[..other].iter().rev().take_while(|line| is_data(line)).count();
+        if let Some(column) = missing(&lines[other], &columns).filter(|_| above >= LEAST) {
+            return refused(other, column);
+        }
+    }
+    // A line of names says which column is the time; an index of the sample may stand before it,
+    // and a line of units after it.
+    let mut unit_s = 1.0;
+    let is_time = |name: &&str| name.to_ascii_lowercase().starts_with("time");
+    for names in first.saturating_sub(2)..first {
+        if let Some(time) = lines[names].iter().position(is_time) {
             columns.retain(|&k| k >= time);
+            let below = lines[first - 1].get(time).and_then(|cell| unit(cell));
+            unit_s = unit(&lines[names][time][4..]).or(below).unwrap_or(1.0);
         }
     }
     let data = &lines[first..];
     let of =
         |k: usize| -> Vec<f64> { data.iter().filter_map(|line| number(line.get(k)?)).collect() };
     if first == 1 && data.len() >= LEAST && lines.iter().all(|line| line.len() == 1) {
-        return Some(Rows::of_column(of(0)));
+        return Some(Ok(Rows::of_column(of(0))));
     }
     let (&time, values) = columns.split_first()?;
-    let times = of(time);
+    let times: Vec<f64> = of(time).into_iter().map(|time| time * unit_s).collect();
     let values: Vec<Vec<f64>> = values.iter().map(|&k| of(k)).collect();
     let starts = (1..times.len()).filter(|&n| times[n] < times[n - 1]);
     let bounds: Vec<usize> = [0].into_iter().chain(starts).chain([times.len()]).collect();
@@ -58,7 +94,20 @@ pub(super) fn parse(text: &str) -> Option<Rows> {
         rows.extend(values.iter().map(|column| column[own.clone()].to_vec()));
     }
     let step = step.filter(|_| !rows.is_empty())?;
-    Some(Rows::in_columns(rows, TimeAxis { step, is_in_seconds: true }))
+    Some(Ok(Rows::in_columns(rows, TimeAxis { step, is_in_seconds: true })))
+}
+
+/// Seconds of a unit of time, as `ns`, ` (ns)`, `_us` or `[ms]`; `None` of anything else.
+fn unit(text: &str) -> Option<f64> {
+    let name: String = text.chars().filter(|letter| letter.is_alphabetic()).collect();
+    match name.to_lowercase().as_str() {
+        "s" => Some(1.0),
+        "ms" => Some(1e-3),
+        "us" | "µs" | "μs" => Some(1e-6),
+        "ns" => Some(1e-9),
+        "ps" => Some(1e-12),
+        _ => None,
+    }
 }
 
 fn cells(line: &str) -> Vec<&str> {
@@ -91,7 +140,7 @@ mod tests {
             segment(1e-9, 1, 0.0),
             segment(1e-9, 1, 50.0)
         );
-        let rows = parse(&text).unwrap();
+        let rows = parse(&text).unwrap().unwrap();
         assert_eq!((rows.len(), rows.row(0)[2], rows.row(1)[2]), (2, 2.0, 52.0));
         let axis = rows.axis().unwrap();
         assert!(axis.is_in_seconds && (axis.step - 1e-9).abs() < 1e-15);
@@ -103,7 +152,7 @@ mod tests {
             "Model,MSO54\nSample Interval,4e-10\n\nTIME,CH1,CH2\n{}",
             segment(4e-10, 2, 0.0)
         );
-        let rows = parse(&before).unwrap();
+        let rows = parse(&before).unwrap().unwrap();
         assert_eq!((rows.len(), rows.row(1)[4]), (2, 104.0));
         let about = ["Record Length,9", "Sample Interval,4e-10", "Source,CH1"];
         let beside: String = segment(4e-10, 1, 0.0)
@@ -111,7 +160,7 @@ mod tests {
             .enumerate()
             .map(|(n, line)| format!("{},,{line},\n", about.get(n).unwrap_or(&",")))
             .collect();
-        let rows = parse(&beside).unwrap();
+        let rows = parse(&beside).unwrap().unwrap();
         assert_eq!((rows.len(), rows.row(0).len(), rows.row(0)[8]), (1, 9, 8.0));
     }
 
@@ -119,7 +168,7 @@ mod tests {
     fn an_index_before_the_time_is_no_value() {
         let lines: String =
             (0..9).map(|n| format!("{n},{:e},{}\n", 4e-9 * f64::from(n), n % 4)).collect();
-        let rows = parse(&format!("sample,time,ch1\n{lines}")).unwrap();
+        let rows = parse(&format!("sample,time,ch1\n{lines}")).unwrap().unwrap();
         assert_eq!((rows.len(), rows.row(0)[5]), (1, 1.0));
         assert!((rows.axis().unwrap().step - 4e-9).abs() < 1e-15);
     }
@@ -127,9 +176,35 @@ mod tests {
     #[test]
     fn a_name_and_a_value_a_line_are_one_waveform() {
         let lines: String = (0..9).map(|n| format!("{n}\n")).collect();
-        let rows = parse(&format!("\"imp\"\n{lines}")).unwrap();
+        let rows = parse(&format!("\"imp\"\n{lines}")).unwrap().unwrap();
         assert_eq!((rows.len(), rows.row(0)[8], rows.axis()), (1, 8.0, None));
         assert!(rows.remarks()[0].contains("one waveform of 9 samples"));
+    }
+
+    #[test]
+    fn a_bad_cell_below_the_columns_is_named_and_loses_none() {
+        let below = segment(1e-9, 2, 0.0);
+        let table = [
+            (format!("Time,A,B\n{below}1,,3\n{below}"), "row 11, column 2: "),
+            (format!("Time,A,B\n{below}1,nan,3\n{below}"), "row 11, column 2: "),
+            (format!("Time,A,B\n{below}\n6e-9,9\n"), "row 12, column 3: "),
+            (format!("Time,A,B\n{below}Time,A,B\n{below}"), "row 11, column 1: "),
+        ];
+        for (text, part) in table {
+            let problem = parse(&text).unwrap().expect_err(part);
+            assert!(problem.starts_with(part), "{problem}");
+        }
+    }
+
+    #[test]
+    fn a_unit_stands_beside_the_time_or_below_it() {
+        let below = segment(0.5, 1, 0.0);
+        for names in ["Time (ns),A", "time_ns,A", "Time,Channel A\n(ns),(mV)", "TIME [ns],CH1"] {
+            let rows = parse(&format!("{names}\n{below}")).unwrap().unwrap();
+            assert!((rows.axis().unwrap().step - 5e-10).abs() < 1e-15, "{names}");
+        }
+        let seconds = parse(&format!("Time,Ampl\n{below}")).unwrap().unwrap();
+        assert_eq!(seconds.axis().unwrap().step, 0.5);
     }
 
     #[test]
