@@ -66,7 +66,7 @@ pub struct TrueEcho {
     /// Full width at half maximum.
     pub width: f64,
     /// SNR after the matched filter that knows the shape of every echo, but of the others neither
-    /// height nor place; see [`Instrument::snr`].
+    /// height nor place.
     pub snr: f64,
 }
 

@@ -221,7 +221,8 @@ impl Finder {
             |echo: &mut FoundEcho| codes.is_beside_gap(samples(echo.top).round() as usize);
         tops.drop_if(Reason::Gap, is_beside_gap);
         if let Some(response) = &self.response {
-            let record = Record { x: &rest.0, sigma: rest.1, unit: codes.unit };
+            let floor = self.options.floor;
+            let record = Record { x: &rest.0, sigma: rest.1, unit: codes.unit, floor };
             self.drop_explained(response, codes, &record, &mut tops);
         }
         let highest = tops.found.iter().map(|echo| echo.amplitude).max().unwrap_or_default();

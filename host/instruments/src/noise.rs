@@ -38,7 +38,7 @@ const WHITE: Range<f64> = 0.9..1.1;
 
 /// Greatest ratio of D_k at the farthest quarter of the lags to that at the second: it still rises
 /// where what looks quiet is the flank of an echo.
-const SILL: f64 = 1.3;
+const SILL: f64 = 2.0;
 
 /// Noise of the quiet pieces of a recording.
 #[derive(Clone, Debug, PartialEq)]

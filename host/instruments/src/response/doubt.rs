@@ -2,9 +2,9 @@
 //! repeats every echo, as an instrument does.
 
 use super::curve::Curve;
-use super::estimate::LOBE;
-use super::model::{Later, turns};
-use super::robust::median;
+use super::estimate::{LOBE, NARROW};
+use super::model::{Later, all_turns, turns};
+use super::robust::{beyond, densest_half, median};
 use super::strong::Strong;
 
 /// Least ratio of the heights of a recording's strong echoes, the tenth highest to the tenth lowest
@@ -15,8 +15,15 @@ const VARIED: f64 = 2.0;
 const LITTLE_VARIED: f64 = 1.3;
 const OTHERWISE: f64 = 0.1;
 
-/// Greatest level of an instrument's own later top.
+/// Greatest spread of an instrument's own later top, over its level, and over the echo's height:
+/// drift and wide surfaces move a low one by more of its level.
+const STEADY: f64 = 0.25;
+const STEADY_OF_LOW: f64 = 0.045;
+
+/// Greatest level of an instrument's own later top, where [`OTHERWISE`] of the records have other
+/// echoes elsewhere, and where hardly one has: it may then be one scene in changing light.
 const HIGHEST: f64 = 0.25;
+const HIGHEST_OF_ONE_SCENE: f64 = 0.18;
 
 /// Least level of a top before the strongest that is another surface's; filters ring by less.
 const EARLIER: f64 = 0.1;
@@ -29,8 +36,9 @@ const BESIDE: f64 = 0.6;
 ///
 /// ```text
 /// an instrument's   where pulses were recorded as long: theirs has at least half the level
-///                   else level ≤ 1/4, and the heights of the echoes differ: 90 % over 10 % ≥ 2, or
-///                   1.3 where a tenth of the records has other echoes
+///                   else the heights of the echoes differ, and its level does not: σ ≤ level/4
+///                   where a tenth of the records has other echoes: 90 % over 10 % of the heights
+///                   ≥ 1.3, level ≤ 0.25; else ≥ 2, level ≤ 0.18
 /// taken out         h between the valleys on either side of another top: a line; of an earlier top
 ///                   more than a tenth as high: the flank behind the top, turned round
 /// spread            there, and everywhere after the lobe where heights do not differ, at most
@@ -47,17 +55,17 @@ pub(super) fn take_out(
     let point = |point: usize| Later { lag: curve.time(point), level: curve.values[point] };
     let points: Vec<Later> =
         (curve.zero..curve.values.len()).map(point).filter(|at| at.lag > begin).collect();
-    let turns = turns(&points);
-    let is_varied = is_varied(strong, &turns, curve.width);
-    let beyond = |k: &usize| curve.time(*k) > LOBE * curve.width;
+    let highest = greatest_level(strong, &turns(&points), curve.width);
+    let turns = all_turns(&points);
+    let after_lobe = |k: &usize| curve.time(*k) > LOBE * curve.width;
     let usual =
-        median(&mut (0..spread.len()).filter(beyond).map(|k| spread[k]).collect::<Vec<_>>());
-    if !is_varied {
-        (0..spread.len()).filter(beyond).for_each(|k| spread[k] = spread[k].min(usual));
+        median(&mut (0..spread.len()).filter(after_lobe).map(|k| spread[k]).collect::<Vec<_>>());
+    if highest == 0.0 {
+        (0..spread.len()).filter(after_lobe).for_each(|k| spread[k] = spread[k].min(usual));
     }
     let is_instrument = |top: &Later| match level_of(pulses, top.lag) {
         Some(level) => level >= top.level / 2.0,
-        None => is_varied && top.level <= HIGHEST,
+        None => top.level <= highest && is_steady(strong, top.lag),
     };
     for (k, top) in turns.iter().enumerate() {
         let [before, after] = [k.checked_sub(1), Some(k + 1)].map(|k| turns.get(k?));
@@ -132,9 +140,24 @@ fn level_of(pulses: &[Strong], lag: f64) -> Option<f64> {
     (!levels.is_empty() && 2 * levels.len() >= pulses.len()).then(|| median(&mut levels))
 }
 
-/// True when the targets differ so much from record to record that what all have is the
-/// instrument's.
-fn is_varied(strong: &[Strong], turns: &[Later], width: f64) -> bool {
+/// True when the echoes that are as narrow as most have about the same level at a lag.
+fn is_steady(strong: &[Strong], lag: f64) -> bool {
+    let mut widths: Vec<f64> = strong.iter().map(|s| s.width).collect();
+    widths.sort_by(f64::total_cmp);
+    let narrow = || strong.iter().filter(|s| s.width <= NARROW * widths[widths.len() / 10]);
+    let mut levels: Vec<f64> = narrow().filter_map(|s| s.at(s.time + lag)).collect();
+    if levels.is_empty() {
+        return true;
+    }
+    levels.sort_by(f64::total_cmp);
+    let (level, spread) = densest_half(&levels);
+    let noise = median(&mut narrow().map(Strong::noise).collect::<Vec<_>>());
+    beyond(spread, noise) <= (STEADY * level).max(STEADY_OF_LOW)
+}
+
+/// Greatest level of a later top that is the instrument's; 0 where the targets differ so little
+/// that what all records have in common may be theirs.
+fn greatest_level(strong: &[Strong], turns: &[Later], width: f64) -> f64 {
     let mut heights: Vec<f64> = strong.iter().map(|s| s.height * s.unit).collect();
     heights.sort_by(f64::total_cmp);
     let tenth = heights.len() / 10;
@@ -142,6 +165,9 @@ fn is_varied(strong: &[Strong], turns: &[Later], width: f64) -> bool {
     let is_elsewhere =
         |lag: &f64| turns.iter().all(|turn| (lag.abs() - turn.lag).abs() > width / 2.0);
     let otherwise = strong.iter().filter(|s| s.others.iter().any(is_elsewhere)).count();
-    let is_otherwise = otherwise as f64 >= OTHERWISE * strong.len() as f64;
-    ratio >= if is_otherwise { LITTLE_VARIED } else { VARIED }
+    match otherwise as f64 >= OTHERWISE * strong.len() as f64 {
+        true if ratio >= LITTLE_VARIED => HIGHEST,
+        false if ratio >= VARIED => HIGHEST_OF_ONE_SCENE,
+        _ => 0.0,
+    }
 }

@@ -21,7 +21,7 @@ const FEWEST_VALUES: usize = 6;
 const MOST: usize = 400;
 
 /// Greatest width of a narrow echo, over that of the narrowest tenth.
-const NARROW: f64 = 1.2;
+pub(super) const NARROW: f64 = 1.2;
 
 /// Range of the response before and after its top, pulse widths.
 const BEFORE: f64 = 2.5;

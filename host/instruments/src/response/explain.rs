@@ -16,7 +16,7 @@ const CLEAR: f64 = 5.5;
 /// Least height over the other echoes' response there, after its lobe.
 const OVER_REPEATS: f64 = 0.5;
 
-/// Least height over that of the highest echo.
+/// Least height over that of the highest echo, unless less is asked for.
 const LEAST: f64 = 0.03;
 
 /// Greatest distance of a fitted echo from its top, over the greater of both widths.
@@ -70,6 +70,8 @@ pub(crate) struct Record<'a> {
     pub(crate) x: &'a [f64],
     pub(crate) sigma: f64,
     pub(crate) unit: f64,
+    /// Least height of an echo over the highest, as asked for.
+    pub(crate) floor: f64,
 }
 
 impl Response {
@@ -83,6 +85,7 @@ impl Response {
     /// significant   √((R₁ − R₂)/Σ h²) ≥ 2·√(σ_A² + e²)
     /// e²            = Σ A²·(spread² + (0.05·k·h)²)   at c, over the other echoes
     /// clear         A_c ≥ 5.5·√(σ_A² + Σ A²·spread²), ½·Σ A·h after the lobe, 0.03·max A
+    ///               or --floor's, if less
     /// two           a valley beside c, at least max(10·σ, 5 % of c) deep, of which the others make
     ///               less than half
     /// c stays       if it is clear, and either significant with its fit near its top, or two
@@ -132,6 +135,8 @@ pub(super) struct Work<'a> {
     pub(super) noise: f64,
     /// σ_A, codes.
     pub(super) height_noise: f64,
+    /// Least height over the highest.
+    least: f64,
     /// Record minus all parts, codes.
     pub(super) residual: Vec<f64>,
     pub(super) states: Vec<State>,
@@ -147,6 +152,7 @@ impl<'a> Work<'a> {
             candidates: candidates.to_vec(),
             noise,
             height_noise,
+            least: LEAST.min(record.floor),
             residual: record.x.to_vec(),
             states: vec![state; candidates.len()],
         }
@@ -322,7 +328,7 @@ impl<'a> Work<'a> {
             noise = noise.hypot(part.height * self.response.spread_at(lag));
             highest = highest.max(part.height);
         }
-        own.height >= (OVER_REPEATS * repeats).max(CLEAR * noise).max(LEAST * highest)
+        own.height >= (OVER_REPEATS * repeats).max(CLEAR * noise).max(self.least * highest)
     }
 
     /// True when the record has a valley beside a top that the others do not make.

@@ -11,8 +11,11 @@ use crate::finder::colour::Colour;
 use crate::noise::Noise;
 use crate::rows::{Rows, evenly_spaced, without_padding};
 
-/// Least spread of a response, over its height: no instrument repeats itself to better than 0.4 %.
+/// Least spread of a response, over its height: no instrument repeats itself to better than 0.4 %,
+/// nor, more than [`NEAR`] widths from its top, to better than 0.1 %.
 const LEAST_SPREAD: f64 = 0.004;
+const LEAST_SPREAD_AFAR: f64 = 0.001;
+const NEAR: f64 = 3.0;
 
 /// An instrument's record of a short echo: level by lag from the top, and the spread of single
 /// echoes around it.
@@ -178,7 +181,9 @@ impl Response {
         let curve = self.family.response();
         let point = (lag / curve.step + curve.zero as f64).round();
         let known = (point >= 0.0).then(|| self.spread.get(point as usize)).flatten();
-        known.map_or(0.0, |spread| spread.max(LEAST_SPREAD))
+        let is_near = lag.abs() <= NEAR * curve.width;
+        let least = if is_near { LEAST_SPREAD } else { LEAST_SPREAD_AFAR };
+        known.map_or(0.0, |spread| spread.max(least))
     }
 
     /// Noise of a sample and of an echo's height in a record with sample noise `sigma`, all in
@@ -230,8 +235,16 @@ impl Response {
 /// Least height of a top of the response over the valleys beside it.
 const LEAST_TURN: f64 = 0.01;
 
-/// Tops and valleys of a curve after a rise or fall of at least [`LEAST_TURN`].
+/// Tops and valleys of a curve after a rise or fall of at least [`LEAST_TURN`], but for valleys
+/// near zero, which are the tail itself.
 pub(super) fn turns(curve: &[Later]) -> Vec<Later> {
+    let mut found = all_turns(curve);
+    found.retain(|turn| turn.level.abs() >= LEAST_TURN);
+    found
+}
+
+/// Tops and valleys of a curve after a rise or fall of at least [`LEAST_TURN`], in turn.
+pub(super) fn all_turns(curve: &[Later]) -> Vec<Later> {
     let Some(mut extreme) = curve.first().copied() else { return Vec::new() };
     // The curve comes down from the lobe, so the first turn is a valley.
     let (mut found, mut rising) = (Vec::new(), false);
@@ -244,8 +257,6 @@ pub(super) fn turns(curve: &[Later]) -> Vec<Later> {
             (extreme, rising) = (at, !rising);
         }
     }
-    // A valley near zero is the tail itself.
-    found.retain(|turn| turn.level.abs() >= LEAST_TURN);
     found
 }
 
