@@ -339,3 +339,22 @@ fn a_weak_wall_behind_a_mirror_is_found_in_many_rows_too() {
     let both = found.iter().filter(|waveform| waveform.echoes.len() == 2).count();
     assert!(both >= 59, "{both} of 60");
 }
+
+#[test]
+fn noise_that_forgets_slowly_makes_hardly_an_echo() {
+    // Of the first order: each sample has nine tenths of the one before.
+    let row = |k: u64| {
+        let mut level = 0.0;
+        let step = |noise: f64| {
+            level = 0.9 * level + noise;
+            (200.0 + 4.0 * level).round()
+        };
+        Generator::new(105, k).normals(500).into_iter().map(step).collect()
+    };
+    let rows: Vec<Vec<f64>> = (0..300).map(row).collect();
+    let noise = Noise::of_waveforms(&rows).expect("rest");
+    assert!(noise.is_coloured());
+    let found = Finder::new(OPTIONS).with_noise(Some(noise)).find(&rows, &[]);
+    let echoes: usize = found.iter().map(|waveform| waveform.echoes.len()).sum();
+    assert!(echoes <= 6, "{echoes} echoes of noise");
+}
