@@ -110,14 +110,31 @@ fn summary(lines: &[&Line<Run>]) -> String {
     let names = REQUIRED.map(title).join("; ");
     let [own, of_hand] = sensors(lines);
     let runs = of(lines, BOTH).count();
-    let _ = writeln!(
-        text,
-        "\nLess error than each of these is shown in {by_ratio} of {} places, a smaller root in \
+    let told = format!(
+        "Less error than each of these is shown in {by_ratio} of {} places, a smaller root in \
          {by_root}: {names}. Of {runs} runs of both together {own} end at a sensor of their own, \
          {of_hand} at the one set by hand.",
         places.len()
     );
+    let _ = write!(text, "\n{}", in_lines(&told));
     text
+}
+
+/// Prose in lines of at most 100 columns.
+fn in_lines(prose: &str) -> String {
+    let (mut text, mut column) = (String::new(), 0);
+    for word in prose.split(' ') {
+        let width = word.chars().count();
+        let (between, before) = match column {
+            0 => ("", 0),
+            _ if column + 1 + width > 100 => ("\n", 0),
+            _ => (" ", column + 1),
+        };
+        text += between;
+        text += word;
+        column = before + width;
+    }
+    text + "\n"
 }
 
 /// Runs of both together that end at a sensor of their own, and at the one set by hand.
