@@ -334,7 +334,9 @@ mod tests {
         }
         let page = tables(&lines);
         assert!(page.contains("| registration | 1 | 1 | 0 | 1 | 0 | 0 | 1 |"), "{page}");
-        assert!(page.contains("Of 3 runs of both together 1 end at a sensor of their own, 2 at"));
+        let prose = page.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(prose.contains("Of 3 runs of both together 1 end at a sensor of their own, 2 at"));
+        assert!(page.lines().all(|line| line.starts_with('|') || line.chars().count() <= 100));
     }
 
     #[test]
