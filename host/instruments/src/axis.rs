@@ -37,7 +37,7 @@ impl Rows {
         if is_table && count >= 3 && width == 1 {
             return Self::of_column(self.into_numbers());
         }
-        // More rows than columns: else the first column numbers the rows.
+        // No fewer rows than columns: else the first column numbers the rows.
         if is_table && width > 1 && count >= LEAST.max(width) {
             // A row of two numbers is no waveform, so that rounding is forgiven.
             let off = if width == 2 { ROUNDED } else { EXACT };

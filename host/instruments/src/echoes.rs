@@ -15,7 +15,7 @@ use super::finder::{
     Dropped, EchoFinder, FinderConfig, FoundEcho, Pulse, Reason, Threshold, from_samples, samples,
 };
 use super::noise::Noise;
-use super::response::{Candidate, Explained, Missed, Record, Response, Split, Verdict, at_rest};
+use super::response::{Candidate, Explained, Record, Response, Split, Verdict, at_rest};
 use super::rows::{Rows, without_padding};
 
 /// Settings of the search for echoes.
@@ -274,7 +274,7 @@ impl Finder {
         });
         tops.found.extend(hidden);
         for missed in &missed {
-            let echo = without_top(missed, codes);
+            let echo = fitted(&missed.echo, codes, 256.0 * missed.snr, Flags::default());
             if missed.snr >= self.options.snr && self.may_be_added(&echo, codes, response, tops) {
                 tops.found.push(echo);
             }
@@ -361,17 +361,8 @@ fn split(codes: &Codes, tops: &mut Tops, splits: &[Split]) -> Vec<FoundEcho> {
         let Some(echo) = tops.found.get_mut(*index) else { continue };
         let whole = *echo;
         let part = |part: &Candidate| {
-            let (time, height) = (from_samples(part.time), part.height * codes.scale());
-            let share = height / (whole.amplitude as f64).max(1.0);
-            FoundEcho {
-                time,
-                top: time,
-                centre: time,
-                amplitude: height.round() as i64,
-                width: from_samples(part.width),
-                snr: (f64::from(whole.snr) * share) as u32,
-                flags: whole.flags | Flags::MERGED,
-            }
+            let share = part.height * codes.scale() / (whole.amplitude as f64).max(1.0);
+            fitted(part, codes, f64::from(whole.snr) * share, whole.flags)
         };
         *echo = part(&parts[0]);
         hidden.push(part(&parts[1]));
@@ -379,17 +370,17 @@ fn split(codes: &Codes, tops: &mut Tops, splits: &[Split]) -> Vec<FoundEcho> {
     hidden
 }
 
-/// An echo that the response shows without a top.
-fn without_top(Missed { echo, snr }: &Missed, codes: &Codes) -> FoundEcho {
-    let time = from_samples(echo.time);
+/// An echo by its fit alone, in the lobe of another or beside it; `snr` is Q24.8.
+fn fitted(part: &Candidate, codes: &Codes, snr: f64, flags: Flags) -> FoundEcho {
+    let time = from_samples(part.time);
     FoundEcho {
         time,
         top: time,
         centre: time,
-        amplitude: (echo.height * codes.scale()).round() as i64,
-        width: from_samples(echo.width),
-        snr: (256.0 * snr) as u32,
-        flags: Flags::MERGED,
+        amplitude: (part.height * codes.scale()).round() as i64,
+        width: from_samples(part.width),
+        snr: snr as u32,
+        flags: flags | Flags::MERGED,
     }
 }
 

@@ -144,7 +144,7 @@ fn selected(file: &Hdf5File, wanted: &Selection) -> Result<(String, Group, Datas
     let mut all = Vec::new();
     within(&group, &prefix, DEPTH, &mut all).map_err(|e| refused(&e))?;
     let is_named = |(path, ..): &&Found| {
-        let name = path.rsplit('/').next().unwrap_or_default();
+        let name = last_part(path);
         wanted.kind.names().contains(&name)
     };
     let mut fitting: Vec<&Found> = all.iter().filter(is_named).collect();
@@ -169,6 +169,11 @@ fn selected(file: &Hdf5File, wanted: &Selection) -> Result<(String, Group, Datas
     }
 }
 
+/// Name of a dataset or group within its group.
+fn last_part(path: &str) -> &str {
+    path.rsplit('/').next().unwrap_or_default()
+}
+
 /// Path of a dataset, its group, and itself.
 type Found = (String, Group, Dataset);
 
@@ -176,13 +181,13 @@ type Found = (String, Group, Dataset);
 fn within(group: &Group, prefix: &str, depth: usize, all: &mut Vec<Found>) -> Result<(), Error> {
     let (groups, datasets) = group.members()?;
     for dataset in datasets {
-        let name = dataset.name().rsplit('/').next().unwrap_or_default();
+        let name = last_part(dataset.name());
         if kind_of(dataset.dtype()).is_some() && all.len() < LOOKED {
             all.push((format!("{prefix}/{name}"), group.clone(), dataset));
         }
     }
     for inner in groups.iter().filter(|_| depth > 1) {
-        let name = inner.name().rsplit('/').next().unwrap_or_default();
+        let name = last_part(inner.name());
         within(inner, &format!("{prefix}/{name}"), depth - 1, all)?;
     }
     Ok(())
@@ -252,7 +257,7 @@ const NANOSECOND: TimeAxis = TimeAxis { step: 1e-9, is_in_seconds: true };
 
 /// Samples of each shot, of GEDI's datasets; `None` of any other.
 fn pieces(group: &Group, name: &str, samples: usize) -> Result<Option<Vec<Range<usize>>>, String> {
-    let name = name.rsplit('/').next().unwrap_or_default();
+    let name = last_part(name);
     let Some(prefix) = name.strip_suffix("waveform") else { return Ok(None) };
     let read = |part: &str| {
         let name = format!("{prefix}_sample_{part}");

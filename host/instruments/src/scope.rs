@@ -38,7 +38,10 @@ pub(super) fn parse(text: &str) -> Option<Result<Rows, String>> {
         .unzip();
     let is_number = |cell: &&str| number(cell).is_some();
     let last = lines.last()?;
-    let mut columns: Vec<usize> = (0..last.len()).filter(|&k| is_number(&last[k])).collect();
+    let numbers = |line: &Vec<&str>| -> Vec<usize> {
+        (0..line.len()).filter(|&k| is_number(&line[k])).collect()
+    };
+    let mut columns = numbers(last);
     let missing = |line: &Vec<&str>, columns: &[usize]| {
         columns.iter().copied().find(|&k| !line.get(k).is_some_and(is_number))
     };
@@ -47,12 +50,10 @@ pub(super) fn parse(text: &str) -> Option<Result<Rows, String>> {
         Some(Err(no_number(places[line], column + 1, &one_line(&found), "")))
     };
     // A cut last line must not take a column away.
-    if let Some(before) = lines.len().checked_sub(2).filter(|before| *before >= LEAST) {
-        let whole: Vec<usize> =
-            (0..lines[before].len()).filter(|&k| is_number(&lines[before][k])).collect();
-        if let Some(column) = missing(last, &whole) {
-            return refused(before + 1, column);
-        }
+    if let Some(before) = lines.len().checked_sub(2).filter(|before| *before >= LEAST)
+        && let Some(column) = missing(last, &numbers(&lines[before]))
+    {
+        return refused(before + 1, column);
     }
     let is_data = |line: &Vec<&str>| missing(line, &columns).is_none();
     let first = lines.iter().rposition(|line| !is_data(line)).map_or(0, |before| before + 1);

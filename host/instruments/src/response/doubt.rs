@@ -2,7 +2,7 @@
 //! repeats every echo, as an instrument does.
 
 use super::curve::Curve;
-use super::estimate::{LOBE, NARROW};
+use super::estimate::{LOBE, narrow_limit};
 use super::model::{Later, all_turns, turns};
 use super::robust::{beyond, densest_half, median};
 use super::strong::Strong;
@@ -142,9 +142,8 @@ fn level_of(pulses: &[Strong], lag: f64) -> Option<f64> {
 
 /// True when the echoes that are as narrow as most have about the same level at a lag.
 fn is_steady(strong: &[Strong], lag: f64) -> bool {
-    let mut widths: Vec<f64> = strong.iter().map(|s| s.width).collect();
-    widths.sort_by(f64::total_cmp);
-    let narrow = || strong.iter().filter(|s| s.width <= NARROW * widths[widths.len() / 10]);
+    let limit = narrow_limit(strong);
+    let narrow = || strong.iter().filter(|s| s.width <= limit);
     let mut levels: Vec<f64> = narrow().filter_map(|s| s.at(s.time + lag)).collect();
     if levels.is_empty() {
         return true;

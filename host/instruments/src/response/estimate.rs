@@ -21,7 +21,7 @@ const FEWEST_VALUES: usize = 6;
 const MOST: usize = 400;
 
 /// Greatest width of a narrow echo, over that of the narrowest tenth.
-pub(super) const NARROW: f64 = 1.2;
+const NARROW: f64 = 1.2;
 
 /// Range of the response before and after its top, pulse widths.
 const BEFORE: f64 = 2.5;
@@ -101,6 +101,13 @@ impl Estimate {
     }
 }
 
+/// Greatest width of a narrow echo, of at least one.
+pub(super) fn narrow_limit(strong: &[Strong]) -> f64 {
+    let mut widths: Vec<f64> = strong.iter().map(|s| s.width).collect();
+    widths.sort_by(f64::total_cmp);
+    NARROW * widths[widths.len() / 10]
+}
+
 /// Narrow echoes, least noise first, and their share; `None` with too few echoes.
 fn narrow(strong: &[Strong], least: usize) -> Option<(Vec<Strong>, f64)> {
     if strong.len() < least.max(FEWEST_VALUES) {
@@ -108,7 +115,7 @@ fn narrow(strong: &[Strong], least: usize) -> Option<(Vec<Strong>, f64)> {
     }
     let mut order: Vec<&Strong> = strong.iter().collect();
     order.sort_by(|a, b| a.width.total_cmp(&b.width));
-    let limit = NARROW * order[order.len() / 10].width;
+    let limit = narrow_limit(strong);
     let enough = FEWEST_NARROW.min(3 * order.len() / 5);
     let within = order.iter().filter(|s| s.width <= limit).count();
     let share = within as f64 / order.len() as f64;

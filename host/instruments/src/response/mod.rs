@@ -24,6 +24,5 @@ mod text;
 pub use estimate::LEAST_ECHOES;
 pub(super) use explain::{Candidate, Explained, Record, Verdict};
 pub(super) use hidden::Split;
-pub(super) use missed::Missed;
 pub use model::{Later, NoResponse, Response};
 pub(super) use strong::at_rest;
