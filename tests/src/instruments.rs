@@ -68,6 +68,8 @@ pub struct TrueEcho {
     /// SNR after the matched filter that knows the shape of every echo, but of the others neither
     /// height nor place.
     pub snr: f64,
+    /// Prominence of its top in the record without noise, over the noise; 0: it has none.
+    pub prominence: f64,
 }
 
 /// A waveform and its echoes.
@@ -282,9 +284,13 @@ impl Instrument {
                 *v += height * curve.at(i as f64 - time);
             }
         }
+        let without_noise = without_noise(&placed, &curves, values.len());
         let echo = |i: usize| {
             let (time, width) = (placed[i].time, curves[i].1);
-            TrueEcho { time, width, snr: self.snr(&placed, &curves, i, values.len()) }
+            let snr = self.snr(&placed, &curves, i, values.len());
+            let reach = (PER_SAMPLE * time, PER_SAMPLE * tolerance(width));
+            let prominence = prominence_near(&without_noise, reach) / self.sigma;
+            TrueEcho { time, width, snr, prominence }
         };
         let echoes = (0..placed.len()).map(echo).collect();
         let samples = values.iter().map(|v| v.round().clamp(0.0, self.most)).collect();
@@ -460,6 +466,24 @@ impl LocalMaxima {
     }
 }
 
+/// Values per sample of a record without noise.
+const PER_SAMPLE: f64 = 4.0;
+
+/// Sum of all echoes, [`PER_SAMPLE`] values a sample.
+fn without_noise(placed: &[Placed], curves: &[(Curve, f64)], samples: usize) -> Vec<f64> {
+    let each = || placed.iter().zip(curves);
+    let at = |t: f64| each().map(|(echo, curve)| echo.height * curve.0.at(t - echo.time)).sum();
+    (0..samples * PER_SAMPLE as usize).map(|k| at(k as f64 / PER_SAMPLE)).collect()
+}
+
+/// Greatest prominence of a top within a reach of an index.
+fn prominence_near(y: &[f64], (index, reach): (f64, f64)) -> f64 {
+    let last = y.len().saturating_sub(1);
+    let near = (index - reach).max(1.0) as usize..last.min((index + reach) as usize + 1);
+    let tops = near.filter(|&k| y[k - 1] <= y[k] && y[k] > y[k + 1]);
+    tops.map(|k| prominence(y, k, k)).fold(0.0, f64::max)
+}
+
 /// Prominence of a top: least descent on the way to a higher value.
 fn prominence(y: &[f64], first: usize, last: usize) -> f64 {
     let top = y[first];
@@ -473,6 +497,9 @@ fn prominence(y: &[f64], first: usize, last: usize) -> f64 {
 /// Least SNR of an echo that counts.
 pub const VISIBLE: f64 = 5.0;
 
+/// Least prominence without noise of an echo that stands out of the others, over the noise.
+pub const PROMINENT: f64 = 3.0;
+
 /// Detections in some records, counted.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Score {
@@ -482,6 +509,10 @@ pub struct Score {
     pub unseen: usize,
     /// Of those it could, found within two samples or three tenths of their width.
     pub found: usize,
+    /// Of those it could see, with a top of their own.
+    pub prominent: usize,
+    /// Of those with a top of their own, found.
+    pub prominent_found: usize,
     /// Detections without a true echo.
     pub extra: usize,
     /// Records.
@@ -502,6 +533,10 @@ impl Score {
         self.unseen += truth.len() - visible;
         self.found +=
             truth.iter().zip(&found).filter(|(e, found)| is_visible(e) && **found).count();
+        let is_prominent = |echo: &TrueEcho| is_visible(echo) && echo.prominence >= PROMINENT;
+        self.prominent += truth.iter().filter(|echo| is_prominent(echo)).count();
+        self.prominent_found +=
+            truth.iter().zip(&found).filter(|(e, found)| is_prominent(e) && **found).count();
         self.extra += times.len() - found.iter().filter(|found| **found).count();
         self.records += 1;
         if truth.len() == 1 {
@@ -515,6 +550,11 @@ impl Score {
         self.found as f64 / self.echoes as f64
     }
 
+    /// Share of the visible echoes with a top of their own that are found.
+    pub fn prominent_recall(&self) -> f64 {
+        self.prominent_found as f64 / self.prominent as f64
+    }
+
     /// Extra echoes per record.
     pub fn extras(&self) -> f64 {
         self.extra as f64 / self.records as f64
@@ -526,13 +566,18 @@ impl Score {
     }
 }
 
+/// Greatest distance of a detection from an echo of this width that it finds, samples.
+fn tolerance(width: f64) -> f64 {
+    (0.3 * width).max(2.0)
+}
+
 /// True for each echo that pairs with a detection, the nearest pairs first.
 fn paired(truth: &[TrueEcho], times: &[f64]) -> Vec<bool> {
     let mut pairs = Vec::new();
     for (i, echo) in truth.iter().enumerate() {
         for (j, time) in times.iter().enumerate() {
             let apart = (time - echo.time).abs();
-            if apart <= (0.3 * echo.width).max(2.0) {
+            if apart <= tolerance(echo.width) {
                 pairs.push((apart, i, j));
             }
         }

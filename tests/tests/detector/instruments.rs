@@ -15,7 +15,9 @@ use std::path::Path;
 use echoloop_instruments::response::LEAST_ECHOES;
 use echoloop_instruments::{Finder, Noise, Options, Response, Selection, parse_waveforms};
 use echoloop_random::Generator;
-use echoloop_tests::instruments::{Instrument, KINDS, Kind, LocalMaxima, Record, Score, VISIBLE};
+use echoloop_tests::instruments::{
+    Instrument, KINDS, Kind, LocalMaxima, PROMINENT, Record, Score, VISIBLE,
+};
 
 /// Records per instrument, in the test and in the long version.
 const RECORDS: [u64; 2] = [80, 200];
@@ -116,14 +118,18 @@ fn the_response_halves_extra_echoes_keeps_single_ones_single_and_loses_none() {
         let value = |scores: &[Score], of: fn(&Score) -> f64| mean(scores, of).0;
         let recall = |scores| value(scores, Score::recall);
         let extras = |scores| value(scores, Score::extras);
-        let Score { unseen, echoes, .. } = together(&ours);
+        let all = together(&ours);
+        let Score { unseen, echoes, prominent, .. } = all;
         println!(
-            "{name}: of {} echoes a matched filter sees {echoes} at {VISIBLE} σ",
-            unseen + echoes
+            "{name}: of {} echoes a matched filter sees {echoes} at {VISIBLE} σ; {prominent} have \
+             a top of {PROMINENT} σ without noise: recall of these {:.1} %",
+            unseen + echoes,
+            100.0 * all.prominent_recall()
         );
         assert!(extras(&ours) < 0.5 * extras(&before), "{name}: extra echoes");
         assert!(recall(&ours) > recall(&before).max(recall(&plain)), "{name}: recall");
         assert!(recall(&ours) > 0.94, "{name}: recall");
+        assert!(all.prominent_recall() > 0.97, "{name}: echoes with a top of their own");
         assert!(value(&ours, Score::single) > 0.92, "{name}: single echoes");
     }
 }
@@ -162,6 +168,8 @@ fn together(scores: &[Score]) -> Score {
         sum.echoes += score.echoes;
         sum.unseen += score.unseen;
         sum.found += score.found;
+        sum.prominent += score.prominent;
+        sum.prominent_found += score.prominent_found;
         sum.extra += score.extra;
         sum.records += score.records;
         sum.singles += score.singles;

@@ -272,6 +272,30 @@ fn a_weak_wall_on_the_falling_flank_of_a_strong_one_is_found_without_a_top() {
 }
 
 #[test]
+fn a_slope_on_the_falling_flank_of_a_strong_wall_is_found_without_a_top() {
+    let draw = &mut Generator::new(100, 0);
+    let record = |_| {
+        let (first, high) = (80.0 + draw.unit(), draw.range(500.0, 1500.0));
+        // A slope ten samples deep: as many weak walls, an echo half as wide again as one of them.
+        let depths = if draw.chance(0.25) { 10 } else { 0 };
+        let slope = |k: i32| (first + 8.0 + f64::from(k), 0.014 * high);
+        [(first, high)].into_iter().chain((0..depths).map(slope)).collect()
+    };
+    let records: Vec<Vec<(f64, f64)>> = (0..150).map(record).collect();
+    let falls = |n| {
+        records.iter().all(|echoes| {
+            let at = |n| echoes.iter().map(|(time, high)| high * skewed(n, *time)).sum::<f64>();
+            at(n + 1) < at(n)
+        })
+    };
+    assert!((82..120).all(falls), "a top: this tests nothing");
+    let found = counted(&records, skewed);
+    let is_wrong = |(n, echoes): &(&usize, &Vec<_>)| **n != 1 + usize::from(echoes.len() > 1);
+    let wrong = found.iter().zip(&records).filter(is_wrong).count();
+    assert!(wrong <= 3, "{wrong} of 150 records wrong");
+}
+
+#[test]
 fn a_deep_target_among_flat_ones_is_one_echo() {
     let draw = &mut Generator::new(101, 0);
     // A box of depth: as many walls, a sample apart.

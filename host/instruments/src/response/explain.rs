@@ -292,7 +292,7 @@ impl<'a> Work<'a> {
     }
 
     /// Indices of the other echoes that stay.
-    fn others(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
+    pub(super) fn others(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
         (0..self.states.len()).filter(move |&i| i != index && self.states[i].stays)
     }
 

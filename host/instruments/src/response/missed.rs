@@ -13,9 +13,12 @@ const REACH: f64 = 4.0;
 const APART: f64 = 0.8;
 const APART_OF_DEEP: f64 = 1.8;
 
-/// Greatest width, widths of the response: the far side of a skewed surface, as of a crown, leaves
-/// something wider.
+/// Greatest width, widths of the response, of an echo nearer than [`APART_OF_WIDE`]: the far side
+/// of a skewed surface, as of a crown, leaves something wider.
 const NARROW: f64 = 1.12;
+
+/// Least distance of a wider echo from any other, over the mean of their widths.
+const APART_OF_WIDE: f64 = 1.3;
 
 /// Places of a record that are tried.
 const TRIES: usize = 8;
@@ -45,9 +48,7 @@ impl Work<'_> {
             let index = self.states.len() - 1;
             self.put(index, part);
             self.decide(index);
-            let state = &self.states[index];
-            let is_narrow = self.response.family.width(state.part.surface) <= NARROW * width;
-            if !(state.stays && is_narrow) {
+            if !(self.states[index].stays && self.is_narrow_or_alone(index)) {
                 (self.residual, self.states) = (residual, states);
                 self.candidates.pop();
             }
@@ -94,11 +95,22 @@ impl Work<'_> {
     }
 
     fn is_apart(&self, part: &Part) -> bool {
-        let width = self.response.width();
         let least = if self.response.splits_lobes() { APART } else { APART_OF_DEEP };
-        self.staying().all(|other| {
-            let mean = (self.response.family.width(other.surface).max(width) + width) / 2.0;
-            (other.time - part.time).abs() >= least * mean
-        })
+        self.staying().all(|other| self.apart(part, &other) >= least)
+    }
+
+    /// True when an echo is narrow, or no other is near.
+    fn is_narrow_or_alone(&self, index: usize) -> bool {
+        let own = self.states[index].part;
+        let width = self.response.family.width(own.surface);
+        width <= NARROW * self.response.width()
+            || self.others(index).all(|i| self.apart(&own, &self.states[i].part) >= APART_OF_WIDE)
+    }
+
+    /// Distance of two echoes over the mean of their widths.
+    fn apart(&self, a: &Part, b: &Part) -> f64 {
+        let width =
+            |part: &Part| self.response.family.width(part.surface).max(self.response.width());
+        (a.time - b.time).abs() / ((width(a) + width(b)) / 2.0)
     }
 }
