@@ -19,12 +19,27 @@ const LEAST: usize = 8;
 pub(super) const ROUNDED: f64 = 0.5;
 const EXACT: f64 = 1e-6;
 
-/// Step of times that rise evenly, none more than so many steps off.
+/// Greatest deviation of times of single precision, in steps: coarser ones are no axis.
+const SINGLE: f64 = 0.25;
+
+/// Step of times that rise evenly, none more than so many steps off, nor more than the rounding of
+/// single precision where all times have that.
 pub(super) fn even_step(times: &[f64], off: f64) -> Option<f64> {
     let (&first, &last) = times.first().zip(times.last())?;
     let step = (last - first) / (times.len().max(2) - 1) as f64;
-    let is_even = |(n, time): (usize, &f64)| (time - first - n as f64 * step).abs() <= off * step;
+    let is_exact = |time: f64| f64::from(time as f32) == time;
+    let is_single = times.iter().all(|&time| is_exact(time));
+    let rounding =
+        if is_single { first.abs().max(last.abs()) * f64::from(f32::EPSILON) } else { 0.0 };
+    let most = (off * step).max(rounding.min(SINGLE * step));
+    let is_even = |(n, time): (usize, &f64)| (time - first - n as f64 * step).abs() <= most;
+    let step = if is_single && !is_exact(step) { six_digits(step) } else { step };
     (step > 0.0 && step.is_finite() && times.iter().enumerate().all(is_even)).then_some(step)
+}
+
+/// A number rounded to six digits: single precision has no more.
+fn six_digits(number: f64) -> f64 {
+    format!("{number:.5e}").parse().unwrap_or(number)
 }
 
 impl Rows {
@@ -138,5 +153,15 @@ mod tests {
         assert_eq!(even_step(&times, EXACT), None);
         assert_eq!(even_step(&[2.0, 1.0, 0.0], ROUNDED), None);
         assert_eq!(even_step(&[], ROUNDED), None);
+        // Nanoseconds in single precision, from a trigger a microsecond or a millisecond before.
+        for begin in [0.0, 1e-6, 1e-3] {
+            let times = (0..600).map(|n| begin + f64::from(n) * 1e-9);
+            let single: Vec<f64> = times.map(|time| f64::from(time as f32)).collect();
+            let step = even_step(&single, EXACT).unwrap();
+            assert!((step / 1e-9 - 1.0).abs() < 1e-4, "{begin}: {step}");
+        }
+        // Samples have single precision, too.
+        assert_eq!(even_step(&[300.0, 301.0, 303.0, 304.0], EXACT), None);
+        assert_eq!(even_step(&[0.1, 0.2, 0.3001, 0.4], EXACT), None);
     }
 }
