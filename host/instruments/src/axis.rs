@@ -45,35 +45,65 @@ fn six_digits(number: f64) -> f64 {
 impl Rows {
     /// The rows as waveforms where the file has its samples one below the other: a value a line, a
     /// time and values a line, or a time axis as the first of a few rows. Else as they are.
+    ///
+    /// A blank line in a column is a missing sample, or parts waveforms of one length; beside a
+    /// time axis it is nothing, and a value that is not there is a missing sample.
     pub(super) fn into_waveforms(self) -> Self {
-        let count = self.len();
-        let width = if count == 0 { 0 } else { self.row_len(0) };
-        let is_table = (1..count).all(|row| self.row_len(row) == width);
-        if is_table && count >= 3 && width == 1 {
-            return Self::of_column(self.into_numbers());
+        let width = (0..self.len()).map(|row| self.row_len(row)).max().unwrap_or_default();
+        let lines = (0..self.len()).filter(|&row| self.row_len(row) > 0).count();
+        let is_table = (0..self.len()).all(|row| self.row_len(row) == width);
+        if width == 1 && lines >= 3 {
+            return if is_table { Self::of_column(self.into_numbers()) } else { self.of_lines() };
         }
-        // No fewer rows than columns: else the first column numbers the rows.
-        if is_table && width > 1 && count >= LEAST.max(width) {
+        // No fewer rows than columns: else the first column numbers the rows. Many columns of which
+        // some are shorter are waveforms of many lengths.
+        if width > 1 && lines >= LEAST.max(width) && (is_table || width <= LEAST) {
             // A row of two numbers is no waveform, so that rounding is forgiven.
             let off = if width == 2 { ROUNDED } else { EXACT };
             if let Some(step) = even_step(&self.column(0), off) {
-                let rows = (1..width).map(|column| self.column(column));
-                return Self::in_columns(rows, TimeAxis { step, is_in_seconds: false });
+                let rows: Vec<_> = (1..width).map(|column| self.column(column)).collect();
+                return Self::in_columns(rows, TimeAxis { step, is_in_seconds: false })
+                    .after(&self);
             }
         }
         if is_table
-            && count >= 2
+            && lines >= 2
             && width >= LEAST
             && let Some(step) = even_step(&self.row(0), EXACT)
         {
-            let rows = (1..count).map(|row| self.row(row).into_owned());
-            return Self::in_columns(rows, TimeAxis { step, is_in_seconds: false });
+            let rows: Vec<_> = (1..lines).map(|row| self.row(row).into_owned()).collect();
+            return Self::in_columns(rows, TimeAxis { step, is_in_seconds: false }).after(&self);
         }
         self
     }
 
+    /// The numbers of a column, of each line that is not blank; NaN of a shorter line.
     fn column(&self, column: usize) -> Vec<f64> {
-        (0..self.len()).map(|row| self.number(row, column)).collect()
+        let lines = (0..self.len()).map(|row| (row, self.row_len(row))).filter(|line| line.1 > 0);
+        let number = |(row, len)| if column < len { self.number(row, column) } else { f64::NAN };
+        lines.map(number).collect()
+    }
+
+    /// The waveforms of a file with a value a line and blank lines.
+    fn of_lines(self) -> Self {
+        let line = |row| (self.row_len(row) > 0).then(|| self.number(row, 0));
+        let lines: Vec<Option<f64>> = (0..self.len()).map(line).collect();
+        let blocks = || lines.split(Option::is_none).filter(|block| !block.is_empty());
+        let (count, length) =
+            (blocks().count(), blocks().map(<[_]>::len).max().unwrap_or_default());
+        if count > 1 && length >= LEAST && blocks().all(|block| block.len() == length) {
+            let rows =
+                Self::of_rows(blocks().map(|block| block.iter().copied().flatten().collect()));
+            let remark = format!("a value a line: {count} waveforms of {length} samples");
+            return rows.with_remark(remark);
+        }
+        let blank = lines.iter().filter(|line| line.is_none()).count();
+        let samples = lines.into_iter().map(|line| line.unwrap_or(f64::NAN)).collect();
+        let remark = match blank {
+            1 => "1 blank line is a missing sample".to_owned(),
+            _ => format!("{blank} blank lines are missing samples"),
+        };
+        Self::of_column(samples).with_remark(remark)
     }
 
     /// The one waveform of a file with a value a line.
@@ -110,6 +140,31 @@ mod tests {
         assert_eq!((found.len(), &*found.row(0)), (1, &[5.0, 7.0, 6.0, 5.0][..]));
         assert!(found.remarks()[0].contains("one waveform of 4 samples"));
         assert_eq!(rows(&[&[5.0], &[7.0]]).len(), 2, "too few to be one");
+    }
+
+    #[test]
+    fn blank_lines_in_a_column_part_waveforms_of_one_length_or_are_missing_samples() {
+        let block = [5.0, 7.0, 6.0, 5.0, 5.0, 9.0, 5.0, 6.0];
+        let column = |from: &[f64]| from.iter().map(|v| vec![*v]).collect::<Vec<_>>();
+        let found = |lines: Vec<Vec<f64>>| Rows::of_rows(lines).into_waveforms();
+        let two = found([column(&block), vec![vec![]], column(&block)].concat());
+        assert_eq!((two.len(), &*two.row(1)), (2, &block[..]));
+        assert!(two.remarks()[0].contains("2 waveforms of 8 samples"), "{:?}", two.remarks());
+        let one = found([column(&block), vec![vec![]], column(&block[..5])].concat());
+        assert_eq!((one.len(), one.row(0).len(), one.row(0)[8].is_nan()), (1, 14, true));
+        assert!(one.remarks()[1].contains("1 blank line is a missing sample"));
+    }
+
+    #[test]
+    fn a_time_without_a_value_is_that_of_a_missing_sample() {
+        let lines = |n: u32| match n {
+            4 => vec![],
+            7 => vec![6.0],
+            _ => vec![f64::from(n) - f64::from(u8::from(n > 4)), f64::from(n % 3)],
+        };
+        let found = Rows::of_rows((0..20).map(lines)).into_waveforms();
+        assert_eq!((found.len(), found.row(0).len(), found.row(0)[6].is_nan()), (1, 19, true));
+        assert_eq!(found.axis(), Some(TimeAxis { step: 1.0, is_in_seconds: false }));
     }
 
     #[test]

@@ -6,28 +6,23 @@ use super::rows::Rows;
 /// 16 bits, and the fill values of geodata.
 const FILLS: [f64; 5] = [65_535.0, 32_767.0, -32_768.0, -9_999.0, -999.0];
 
-/// The number that stands for a missing sample, and how often it does. `None` where there is none.
+/// The numbers that stand for a missing sample, and how often each does.
 ///
-/// It is one of [`FILLS`] and farther from all other samples than these are from each other. So it
-/// is no echo that was cut off: the flanks of one reach up to it.
-pub(super) fn fill_value(rows: &Rows) -> Option<(f64, usize)> {
+/// Each is one of [`FILLS`] and farther from all other samples than these are from each other. So
+/// it is no echo that was cut off: the flanks of one reach up to it.
+pub(super) fn fill_values(rows: &Rows) -> Vec<(f64, usize)> {
     let mut seen = [0; FILLS.len()];
-    each(rows, |value| {
-        for (count, fill) in seen.iter_mut().zip(FILLS) {
-            *count += usize::from(value == fill);
-        }
+    let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
+    each(rows, |value| match FILLS.iter().position(|fill| *fill == value) {
+        Some(fill) => seen[fill] += 1,
+        None => (least, greatest) = (least.min(value), greatest.max(value)),
     });
-    let present = FILLS.into_iter().zip(seen).filter(|(_, count)| *count > 0);
-    present.into_iter().find(|(fill, _)| {
-        let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
-        each(rows, |value| {
-            if value != *fill {
-                (least, greatest) = (least.min(value), greatest.max(value));
-            }
-        });
+    let is_apart = |fill: f64| {
         let apart = (fill - greatest).max(least - fill);
         least <= greatest && apart > greatest - least
-    })
+    };
+    let present = FILLS.into_iter().zip(seen).filter(|(_, count)| *count > 0);
+    present.filter(|(fill, _)| is_apart(*fill)).collect()
 }
 
 /// Every sample that the file has.
@@ -41,26 +36,25 @@ fn each(rows: &Rows, mut see: impl FnMut(f64)) {
 mod tests {
     use super::*;
 
-    fn found(rows: &[&[f64]]) -> Option<(f64, usize)> {
-        fill_value(&Rows::of_rows(rows.iter().map(|row| row.to_vec())))
+    fn found(rows: &[&[f64]]) -> Vec<(f64, usize)> {
+        fill_values(&Rows::of_rows(rows.iter().map(|row| row.to_vec())))
     }
 
     #[test]
     fn a_number_far_from_all_others_stands_for_missing_samples() {
-        assert_eq!(found(&[&[200.0, 201.0, 65_535.0], &[65_535.0, 900.0]]), Some((65_535.0, 2)));
-        assert_eq!(found(&[&[0.2, -9_999.0, 0.3, 0.9]]), Some((-9_999.0, 1)));
-        assert_eq!(found(&[&[4_000.0, -32_768.0, -4_095.0]]), Some((-32_768.0, 1)));
-        assert_eq!(found(&[&[200.0, f64::NAN, 201.0]]), None);
+        assert_eq!(found(&[&[200.0, 201.0, 65_535.0], &[65_535.0, 900.0]]), [(65_535.0, 2)]);
+        assert_eq!(found(&[&[0.2, -9_999.0, 0.3, 0.9]]), [(-9_999.0, 1)]);
+        assert_eq!(found(&[&[4_000.0, -32_768.0, -4_095.0]]), [(-32_768.0, 1)]);
+        let both = found(&[&[200.0, 201.0, 65_535.0], &[-9_999.0, -9_999.0, 900.0]]);
+        assert_eq!(both, [(65_535.0, 1), (-9_999.0, 2)]);
+        assert_eq!(found(&[&[200.0, f64::NAN, 201.0]]), []);
     }
 
     #[test]
     fn the_top_of_a_clipped_echo_is_no_missing_sample() {
-        assert_eq!(
-            found(&[&[200.0, 30_000.0, 61_000.0, 65_535.0, 65_535.0, 42_000.0, 210.0]]),
-            None
-        );
-        assert_eq!(found(&[&[-999.0, -998.0, -400.0, 20.0, -990.0]]), None);
-        assert_eq!(found(&[&[65_535.0, 65_535.0]]), None, "nothing else");
-        assert_eq!(found(&[]), None);
+        assert_eq!(found(&[&[200.0, 30_000.0, 61_000.0, 65_535.0, 65_535.0, 42_000.0, 210.0]]), []);
+        assert_eq!(found(&[&[-999.0, -998.0, -400.0, 20.0, -990.0]]), []);
+        assert_eq!(found(&[&[65_535.0, 65_535.0]]), [], "nothing else");
+        assert_eq!(found(&[]), []);
     }
 }

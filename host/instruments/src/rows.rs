@@ -6,16 +6,15 @@ use std::ops::Range;
 use super::array::Array;
 use super::axis::TimeAxis;
 use super::codes::Codes;
-use super::missing::fill_value;
-
+use super::missing::fill_values;
 use super::polarity::Polarity;
 
 /// Rows of a file, each read on demand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rows {
     stored: Stored,
-    /// Number that stands for a missing sample.
-    fill: Option<f64>,
+    /// Numbers that stand for a missing sample.
+    fills: Vec<f64>,
     /// True when the samples are turned over: echoes fall in the file.
     is_turned: bool,
     axis: Option<TimeAxis>,
@@ -50,7 +49,7 @@ impl Rows {
     }
 
     fn of(stored: Stored) -> Self {
-        Self { stored, fill: None, is_turned: false, axis: None, remarks: Vec::new() }
+        Self { stored, fills: Vec::new(), is_turned: false, axis: None, remarks: Vec::new() }
     }
 
     pub(super) fn with_axis(self, axis: TimeAxis) -> Self {
@@ -62,16 +61,20 @@ impl Rows {
         self
     }
 
-    /// The rows without samples that the file does not have: its fill value, if it has one. A file
-    /// that names it has said so already.
+    /// The rows with the remarks of what they were made of before their own.
+    pub(super) fn after(mut self, before: &Self) -> Self {
+        self.remarks.splice(0..0, before.remarks.iter().cloned());
+        self
+    }
+
+    /// The rows without samples that the file does not have: its fill values, if it has any. A file
+    /// that names its own has said so already.
     pub(super) fn without_fill(self) -> Self {
-        if self.fill.is_some() {
+        if !self.fills.is_empty() {
             return self;
         }
-        match fill_value(&self) {
-            Some((fill, count)) => self.without(fill, count),
-            None => self,
-        }
+        let fills = fill_values(&self);
+        fills.into_iter().fold(self, |rows, (fill, count)| rows.without(fill, count))
     }
 
     /// The rows without the samples that have the value named by the file.
@@ -83,7 +86,7 @@ impl Rows {
     }
 
     fn without(mut self, fill: f64, count: usize) -> Self {
-        self.fill = Some(fill);
+        self.fills.push(fill);
         let samples = if count == 1 { "1 sample" } else { &format!("{count} samples") };
         self.remarks.push(format!("{samples} of {fill} are taken for missing"));
         self
@@ -164,11 +167,11 @@ impl Rows {
             Stored::Text { numbers, ends } => Cow::Borrowed(&numbers[text_row(ends, row)]),
             Stored::Array(array) => Cow::Owned(array.row(row).collect()),
         };
-        if self.fill.is_none() && !self.is_turned {
+        if self.fills.is_empty() && !self.is_turned {
             return stored;
         }
         let sign = if self.is_turned { -1.0 } else { 1.0 };
-        let read = |&value: &f64| if Some(value) == self.fill { f64::NAN } else { sign * value };
+        let read = |&value: &f64| if self.fills.contains(&value) { f64::NAN } else { sign * value };
         Cow::Owned(stored.iter().map(read).collect())
     }
 
