@@ -73,24 +73,17 @@ impl Raster {
     }
 
     fn to_cells(&self, cells: Vec<u32>) -> SceneResponse {
-        self.trace(&cells);
-        self.locked().of(cells)
-    }
-
-    /// Traces the cells that are missing.
-    fn trace(&self, cells: &[u32]) {
-        let missing = {
-            let traced = self.locked();
-            let is_missing = |cell: &u32| !traced.cells.contains_key(cell);
-            cells.iter().copied().filter(is_missing).collect::<Vec<u32>>()
+        let missing = match self.locked().of(&cells) {
+            Ok(response) => return SceneResponse { cells, ..response },
+            Err(missing) => missing,
         };
-        if missing.is_empty() {
-            return;
-        }
         // Not locked meanwhile: a thread that waits for rays may take up another pair's work. Two
         // threads may trace the same cell, to the same returns.
-        let response = self.look(&missing);
-        self.locked().add(&missing, &response);
+        let traced = self.look(&missing);
+        let mut all = self.locked();
+        all.add(&missing, &traced);
+        let response = all.of(&cells).unwrap_or_default();
+        SceneResponse { cells, ..response }
     }
 
     /// Response to beams that point to these cells.
@@ -129,14 +122,20 @@ impl Traced {
         }
     }
 
-    fn of(&self, cells: Vec<u32>) -> SceneResponse {
+    /// Response to beams that point to these cells; those that are missing, if any is.
+    fn of(&self, cells: &[u32]) -> Result<SceneResponse, Vec<u32>> {
+        let known: Vec<Option<&Range<u32>>> =
+            cells.iter().map(|cell| self.cells.get(cell)).collect();
+        if known.contains(&None) {
+            let missing = cells.iter().zip(&known).filter(|(_, range)| range.is_none());
+            return Err(missing.map(|(cell, _)| *cell).collect());
+        }
         let mut response = SceneResponse { beams: vec![0], ..SceneResponse::default() };
-        for cell in &cells {
-            let range = self.cells.get(cell).cloned().unwrap_or_default();
+        for range in known.into_iter().flatten() {
             response.returns.extend(&self.returns[range.start as usize..range.end as usize]);
             response.beams.push(response.returns.len() as u32);
         }
-        SceneResponse { cells, ..response }
+        Ok(response)
     }
 }
 
