@@ -18,6 +18,11 @@ const NARROWEST: f64 = LEAST_SAMPLES / LEAST_WIDTHS;
 /// Length of a record over the greatest width of an unknown pulse.
 const WIDEST: f64 = 30.0;
 
+/// Times that an unknown pulse is measured again without the background, and by how much narrower
+/// it has to be than before.
+const NARROWER: usize = 3;
+const MUCH: f64 = 0.8;
+
 /// Least length of a record that is looked at, pieces.
 const PIECES: usize = 5;
 
@@ -118,7 +123,7 @@ fn levels(pieces: &[Piece]) -> Option<(f64, f64)> {
 }
 
 /// As [`without_change`], of a pulse of unknown width, too: that is as wide as the narrowest of the
-/// strong echoes.
+/// strong echoes, which steps may hide at first.
 pub(crate) fn levelled(
     finder: &mut EchoFinder,
     codes: &Codes,
@@ -126,18 +131,35 @@ pub(crate) fn levelled(
     width: Option<f64>,
     colour: Option<Colour>,
 ) -> Option<(Codes, f64)> {
+    if let Some(width) = width {
+        return without_change(codes, sigma, width);
+    }
+    let mut width = narrowest(finder, codes, colour).unwrap_or_default();
+    let mut level = without_change(codes, sigma, width);
+    for _ in 0..NARROWER {
+        // Where a wide pulse hides what changes, as if it were as narrow as can be.
+        let seen = level.clone().or_else(|| without_change(codes, sigma, NARROWEST));
+        match narrowest(finder, &seen?.0, colour) {
+            Some(narrower) if narrower < MUCH * width => width = narrower,
+            _ => break,
+        }
+        level = without_change(codes, sigma, width);
+    }
+    level
+}
+
+/// Width of the narrowest of the strong echoes, samples; `None` where it makes no difference, and
+/// without an echo.
+fn narrowest(finder: &mut EchoFinder, codes: &Codes, colour: Option<Colour>) -> Option<f64> {
     // A drift looks like a broad echo.
     let widest = codes.codes.len() as f64 / WIDEST;
-    let found = || {
-        if widest <= NARROWEST {
-            return None; // as wide as the narrowest that is told apart
-        }
-        let echoes = finder.echoes(&codes.codes, &FinderConfig::of_record(codes, colour));
-        let highest = echoes.iter().map(|echo| echo.amplitude).max()?;
-        let strong = echoes.iter().filter(|echo| 5 * echo.amplitude > highest);
-        strong.map(|echo| samples(echo.width).min(widest)).reduce(f64::min)
-    };
-    without_change(codes, sigma, width.or_else(found).unwrap_or_default())
+    if widest <= NARROWEST {
+        return None; // as wide as the narrowest that is told apart
+    }
+    let echoes = finder.echoes(&codes.codes, &FinderConfig::of_record(codes, colour));
+    let highest = echoes.iter().map(|echo| echo.amplitude).max()?;
+    let strong = echoes.iter().filter(|echo| 5 * echo.amplitude > highest);
+    strong.map(|echo| samples(echo.width).min(widest)).reduce(f64::min)
 }
 
 fn middle(at: &Range<usize>) -> usize {

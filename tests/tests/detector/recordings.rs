@@ -82,14 +82,25 @@ fn echoes_of(draw: &mut Generator, samples: usize) -> (Vec<f64>, impl Fn(usize) 
     (times, move |n| placed.iter().map(|&(at, height)| height * pulse(n, at, 6.0)).sum())
 }
 
+/// 1 from a step on.
+fn after(share: f64, step: f64) -> f64 {
+    f64::from(u8::from(share > step))
+}
+
 #[test]
 fn a_background_that_drifts_or_steps_makes_and_hides_no_echo() {
     type Change = fn(f64, f64) -> f64;
-    let kinds: [(&str, Change); 4] = [
+    let kinds: [(&str, Change); 6] = [
         ("ramp", |share, _| share),
         ("decay", |share, at| (-share / at).exp()),
         ("swing", |share, at| (7.0 * (share + at)).sin() / 2.0),
         ("step", |share, at| 1.0 / (1.0 + (-400.0 * (share - 0.6 - 0.3 * at)).exp())),
+        ("two steps", |share, at| {
+            (after(share, 0.1 + 0.3 * at) + after(share, 0.6 + 0.2 * at)) / 2.0
+        }),
+        ("there and back", |share, at| {
+            after(share, 0.05 + 0.3 * at) - after(share, 0.6 + 0.2 * at)
+        }),
     ];
     for (kind, (name, change)) in kinds.into_iter().enumerate() {
         let draw = &mut Generator::new(91, kind as u64);
