@@ -87,8 +87,10 @@ impl Rows {
 
     fn without(mut self, fill: f64, count: usize) -> Self {
         self.fills.push(fill);
-        let samples = if count == 1 { "1 sample" } else { &format!("{count} samples") };
-        self.remarks.push(format!("{samples} of {fill} are taken for missing"));
+        self.remarks.push(match count {
+            1 => format!("1 sample of {fill} is taken for missing"),
+            _ => format!("{count} samples of {fill} are taken for missing"),
+        });
         self
     }
 
