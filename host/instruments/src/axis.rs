@@ -42,7 +42,47 @@ fn six_digits(number: f64) -> f64 {
     format!("{number:.5e}").parse().unwrap_or(number)
 }
 
+/// Index of the first time that does not follow the one before by the usual step.
+pub(super) fn uneven(times: &[f64]) -> Option<usize> {
+    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let all = steps.clone();
+    steps.sort_by(f64::total_cmp);
+    let usual = steps.get(steps.len() / 2)?;
+    all.iter().position(|step| (step - usual).abs() > ROUNDED * usual.abs()).map(|n| n + 1)
+}
+
 impl Rows {
+    /// The rows, unless these are times and values whose times do not rise evenly.
+    ///
+    /// # Errors
+    ///
+    /// Row of the first uneven time; rows of one or two samples.
+    pub(super) fn not_of_uneven_times(self) -> Result<Self, String> {
+        let longest = (0..self.len()).map(|row| self.row_len(row)).max().unwrap_or_default();
+        let expected = "expected a waveform a row, or values after times that rise in even steps";
+        if longest > LEAST || self.axis().is_some() {
+            return Ok(self);
+        }
+        let (first, last) = (self.column(0), self.column(longest.max(1) - 1));
+        let is_monotone = |x: &[f64]| {
+            x.windows(2).all(|pair| pair[0] < pair[1]) || x.windows(2).all(|pair| pair[0] > pair[1])
+        };
+        let lines = first.len();
+        match () {
+            () if lines >= LEAST && longest > 1 && is_monotone(&first) => {
+                let of_line = (0..self.len()).filter(|&row| self.row_len(row) > 0);
+                let row = of_line.map(|row| row + 1).nth(uneven(&first).unwrap_or_default());
+                let row = row.unwrap_or_default();
+                Err(format!("row {row}, column 1: {expected}"))
+            }
+            () if lines >= LEAST && longest > 1 && even_step(&last, ROUNDED).is_some() => {
+                Err(format!("row 1, column {longest}: {expected}; found the times last"))
+            }
+            () if longest == 2 => Err(format!("{expected}; found {lines} rows of two numbers")),
+            () => Ok(self),
+        }
+    }
+
     /// The rows as waveforms where the file has its samples one below the other: a value a line, a
     /// time and values a line, or a time axis as the first of a few rows. Else as they are.
     ///
@@ -52,11 +92,14 @@ impl Rows {
         let width = (0..self.len()).map(|row| self.row_len(row)).max().unwrap_or_default();
         let lines = (0..self.len()).filter(|&row| self.row_len(row) > 0).count();
         let is_table = (0..self.len()).all(|row| self.row_len(row) == width);
+        if is_table && lines >= LEAST && width > LEAST && self.is_numbered() {
+            return self.without_numbers();
+        }
         if width == 1 && lines >= 3 {
             return if is_table { Self::of_column(self.into_numbers()) } else { self.of_lines() };
         }
-        // No fewer rows than columns: else the first column numbers the rows. Many columns of which
-        // some are shorter are waveforms of many lengths.
+        // No fewer rows than columns: else they are waveforms. So are many columns of which some are
+        // shorter.
         if width > 1 && lines >= LEAST.max(width) && (is_table || width <= LEAST) {
             // A row of two numbers is no waveform, so that rounding is forgiven.
             let off = if width == 2 { ROUNDED } else { EXACT };
@@ -75,6 +118,20 @@ impl Rows {
             return Self::in_columns(rows, TimeAxis { step, is_in_seconds: false }).after(&self);
         }
         self
+    }
+
+    /// True when the first column counts the rows.
+    fn is_numbered(&self) -> bool {
+        let first = self.number(0, 0);
+        first.fract() == 0.0 && (0..self.len()).all(|row| self.number(row, 0) == first + row as f64)
+    }
+
+    fn without_numbers(self) -> Self {
+        let (first, last) = (self.number(0, 0), self.number(self.len() - 1, 0));
+        let remark =
+            format!("the first column numbers the rows, {first} to {last}: it is no sample");
+        let rows = (0..self.len()).map(|row| self.row(row)[1..].to_vec());
+        Self::of_rows(rows).after(&self).with_remark(remark)
     }
 
     /// The numbers of a column, of each line that is not blank; NaN of a shorter line.
@@ -168,11 +225,34 @@ mod tests {
     }
 
     #[test]
+    fn times_that_do_not_rise_evenly_are_refused_by_row() {
+        let refused = |time: &dyn Fn(u32) -> f64| {
+            let rows = Rows::of_rows((0..12).map(|n| vec![time(n), 7.0])).into_waveforms();
+            rows.not_of_uneven_times().expect_err("refused")
+        };
+        let hole = refused(&|n| f64::from(n + u32::from(n > 4)));
+        assert!(hole.starts_with("row 6, column 1: expected"), "{hole}");
+        assert!(refused(&|n| -f64::from(n)).starts_with("row 1, column 1: "));
+        assert!(refused(&|n| f64::from(n % 2)).ends_with("found 12 rows of two numbers"));
+        let last = Rows::of_rows((0..12).map(|n| vec![f64::from(n % 5), f64::from(n)]));
+        let problem = last.into_waveforms().not_of_uneven_times().expect_err("refused");
+        assert!(problem.starts_with("row 1, column 2: "), "{problem}");
+        let short = Rows::of_rows((0..12).map(|n| vec![7.0, f64::from(n % 5), 6.0, 7.0]));
+        assert_eq!(short.into_waveforms().not_of_uneven_times().unwrap().len(), 12);
+    }
+
+    #[test]
     fn a_number_of_the_row_is_no_time() {
         let table: Vec<Vec<f64>> = (0..10)
             .map(|n| (0..12).map(|k| if k == 0 { n.into() } else { 7.0 }).collect())
             .collect();
-        assert_eq!(Rows::of_rows(table).into_waveforms().len(), 10);
+        let found = Rows::of_rows(table).into_waveforms();
+        assert_eq!((found.len(), found.row(0).len(), found.axis()), (10, 11, None));
+        // Nor is it where there are more rows than samples.
+        let row = |n: u32| [vec![1000.0 + f64::from(n)], [7.0, 8.0, 7.0].repeat(4)].concat();
+        let found = Rows::of_rows((0..40).map(row)).into_waveforms();
+        assert_eq!((found.len(), found.row(39).len(), found.row(39)[0]), (40, 12, 7.0));
+        assert!(found.remarks()[0].contains("numbers the rows, 1000 to 1039"));
     }
 
     #[test]

@@ -16,12 +16,15 @@
 
 use echoloop_files::one_line;
 
-use super::axis::{ROUNDED, TimeAxis, even_step};
+use super::axis::{ROUNDED, TimeAxis, even_step, uneven};
 use super::read::no_number;
 use super::rows::Rows;
 
 /// Least number of lines of a segment.
 const LEAST: usize = 8;
+
+/// Greatest step of times in seconds whose unit is not named.
+const LONGEST_S: f64 = 1e-4;
 
 /// Waveforms of such a text, segment by segment, each with its columns in their order; `None` where
 /// it is none. Times are in seconds, or in the unit beside or below their name.
@@ -65,13 +68,18 @@ pub(super) fn parse(text: &str) -> Option<Result<Rows, String>> {
     }
     // A line of names says which column is the time; an index of the sample may stand before it,
     // and a line of units after it.
-    let mut unit_s = 1.0;
-    let is_time = |name: &&str| name.to_ascii_lowercase().starts_with("time");
+    let (mut unit_s, mut names_time, mut increment_s) = (None, false, None);
     for names in first.saturating_sub(2)..first {
-        if let Some(time) = lines[names].iter().position(is_time) {
+        let below = |column: usize| lines.get(names + 1).and_then(|line| line.get(column));
+        if let Some(time) = lines[names].iter().position(|name| time_unit(name).is_some()) {
             columns.retain(|&k| k >= time);
             let below = lines[first - 1].get(time).and_then(|cell| unit(cell));
-            unit_s = unit(&lines[names][time][4..]).or(below).unwrap_or(1.0);
+            unit_s = time_unit(lines[names][time]).and_then(unit).or(below);
+            names_time = true;
+        }
+        let is_increment = |name: &&str| name.eq_ignore_ascii_case("increment");
+        if let Some(column) = lines[names].iter().position(is_increment) {
+            increment_s = below(column).and_then(|cell| number(cell));
         }
     }
     let data = &lines[first..];
@@ -81,21 +89,56 @@ pub(super) fn parse(text: &str) -> Option<Result<Rows, String>> {
         return Some(Ok(Rows::of_column(of(0))));
     }
     let (&time, values) = columns.split_first()?;
-    let times: Vec<f64> = of(time).into_iter().map(|time| time * unit_s).collect();
+    let is_index = !names_time && first > 0 && is_index(lines[first - 1].get(time)?);
+    let times: Vec<f64> = of(time).into_iter().map(|time| time * unit_s.unwrap_or(1.0)).collect();
     let values: Vec<Vec<f64>> = values.iter().map(|&k| of(k)).collect();
     let starts = (1..times.len()).filter(|&n| times[n] < times[n - 1]);
     let bounds: Vec<usize> = [0].into_iter().chain(starts).chain([times.len()]).collect();
     let (mut rows, mut step) = (Vec::new(), None);
     for bound in bounds.windows(2) {
         let own = bound[0]..bound[1];
-        let of_segment = even_step(&times[own.clone()], ROUNDED).filter(|_| own.len() >= LEAST)?;
+        let of_segment = even_step(&times[own.clone()], ROUNDED).filter(|_| own.len() >= LEAST);
+        let Some(of_segment) = of_segment else {
+            let line = uneven(&times).filter(|_| names_time && times.len() >= LEAST)?;
+            let row = places[first + line];
+            return Some(Err(format!(
+                "row {row}, column {}: expected times that rise in even steps",
+                time + 1
+            )));
+        };
         if (of_segment / *step.get_or_insert(of_segment) - 1.0).abs() > 0.01 {
             return None;
         }
         rows.extend(values.iter().map(|column| column[own.clone()].to_vec()));
     }
     let step = step.filter(|_| !rows.is_empty())?;
-    Some(Ok(Rows::in_columns(rows, TimeAxis { step, is_in_seconds: true })))
+    // A name without a unit is that of seconds where these are such as waveforms have.
+    let is_in_seconds = unit_s.is_some() || step < LONGEST_S;
+    Some(Ok(match increment_s {
+        Some(step) => Rows::in_columns(rows, TimeAxis { step, is_in_seconds: true }),
+        None if is_index => Rows::of_rows(rows),
+        None => Rows::in_columns(rows, TimeAxis { step, is_in_seconds }),
+    }))
+}
+
+/// What stands behind `time` or `t` in a column's name, its unit as a rule; `None` of other names.
+fn time_unit(name: &str) -> Option<&str> {
+    let is_time = |length: usize| name.get(..length).map(str::to_ascii_lowercase);
+    match () {
+        () if is_time(4).as_deref() == Some("time") => Some(&name[4..]),
+        () if is_time(1).as_deref() == Some("t")
+            && !name[1..].starts_with(char::is_alphanumeric) =>
+        {
+            Some(&name[1..])
+        }
+        () => None,
+    }
+}
+
+/// True of the name of a column that numbers the samples.
+fn is_index(name: &str) -> bool {
+    ["", "#", "n", "i", "x", "index", "sample", "samples", "point", "points", "sequence", "bin"]
+        .contains(&name.to_ascii_lowercase().as_str())
 }
 
 /// Seconds of a unit of time, as `ns`, ` (ns)`, `_us` or `[ms]`; `None` of anything else.
@@ -175,6 +218,34 @@ mod tests {
     }
 
     #[test]
+    fn an_index_of_the_sample_is_no_time_and_a_time_without_a_unit_is_rarely_in_seconds() {
+        let lines = |step: f64| segment(step, 1, 0.0);
+        let axis = |text: String| {
+            let rows = parse(&text).unwrap().unwrap();
+            assert_eq!((rows.len(), rows.row(0)[5]), (1, 5.0), "{text}");
+            rows.axis()
+        };
+        for name in ["sample", "", "#", "Index"] {
+            assert_eq!(axis(format!("{name},counts\n{}", lines(1.0))), None, "{name}");
+        }
+        let rigol = "X,CH1,Start,Increment,\nSequence,Volt,-1.0e-7,5.0e-10\n";
+        let expected = TimeAxis { step: 5e-10, is_in_seconds: true };
+        assert_eq!(axis(format!("{rigol}{}", lines(1.0))), Some(expected));
+        for (name, step, is_in_seconds) in [
+            ("time", 0.5, false),
+            ("t", 5e-10, true),
+            ("range_m", 0.15, false),
+            ("t (us)", 5e-4, true),
+            ("total", 5e-4, false),
+        ] {
+            let axis = axis(format!("{name},counts\n{}", lines(step))).unwrap();
+            assert_eq!(axis.is_in_seconds, is_in_seconds, "{name}");
+            let unit_s = if name == "t (us)" { 1e-6 } else { 1.0 };
+            assert!((axis.step / (step * unit_s) - 1.0).abs() < 1e-6, "{name}: {}", axis.step);
+        }
+    }
+
+    #[test]
     fn a_name_and_a_value_a_line_are_one_waveform() {
         let lines: String = (0..9).map(|n| format!("{n}\n")).collect();
         let rows = parse(&format!("\"imp\"\n{lines}")).unwrap().unwrap();
@@ -214,7 +285,9 @@ mod tests {
             assert_eq!(parse(text), None, "{text}");
         }
         let uneven = segment(1e-9, 1, 0.0) + "1e-6,4\n";
-        assert_eq!(parse(&format!("Time,Ampl\n{uneven}")), None);
+        assert_eq!(parse(&format!("A,B\n{uneven}")), None);
+        let named = parse(&format!("Time,Ampl\n{uneven}")).unwrap().expect_err("uneven");
+        assert_eq!(named, "row 11, column 1: expected times that rise in even steps");
         let two_steps = segment(1e-9, 1, 0.0) + &segment(2e-9, 1, 0.0);
         assert_eq!(parse(&format!("Time,Ampl\n{two_steps}")), None);
     }
