@@ -115,10 +115,15 @@ impl Outputs {
     }
 }
 
+/// Least level of a later top that is told.
+const LEAST_TOLD: f64 = 0.01;
+
 /// What the targets may have made of a response; `None` where nothing.
 pub(super) fn doubt_line(response: &Response, sample_ns: f64) -> Option<String> {
     let top = |at: &Later| format!("{:.1} % at {:.1} ns", 100.0 * at.level, at.lag * sample_ns);
-    let tops: Vec<String> = response.doubtful.iter().map(top).collect();
+    // What is lower is noise as often as not.
+    let tops = response.doubtful.iter().filter(|top| top.level >= LEAST_TOLD);
+    let tops: Vec<String> = tops.map(top).collect();
     (!tops.is_empty()).then(|| {
         format!(
             "remark: after the strong echoes come {}: the instrument's, or second targets at a \
