@@ -98,8 +98,8 @@ impl Rows {
         if width == 1 && lines >= 3 {
             return if is_table { Self::of_column(self.into_numbers()) } else { self.of_lines() };
         }
-        // No fewer rows than columns: else they are waveforms. So are many columns of which some are
-        // shorter.
+        // No fewer rows than columns: else they are waveforms. So are many columns of which some
+        // are shorter.
         if width > 1 && lines >= LEAST.max(width) && (is_table || width <= LEAST) {
             // A row of two numbers is no waveform, so that rounding is forgiven.
             let off = if width == 2 { ROUNDED } else { EXACT };
