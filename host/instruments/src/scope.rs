@@ -89,7 +89,6 @@ pub(super) fn parse(text: &str) -> Option<Result<Rows, String>> {
         return Some(Ok(Rows::of_column(of(0))));
     }
     let (&time, values) = columns.split_first()?;
-    let is_index = !names_time && first > 0 && is_index(lines[first - 1].get(time)?);
     let times: Vec<f64> = of(time).into_iter().map(|time| time * unit_s.unwrap_or(1.0)).collect();
     let values: Vec<Vec<f64>> = values.iter().map(|&k| of(k)).collect();
     let starts = (1..times.len()).filter(|&n| times[n] < times[n - 1]);
@@ -112,6 +111,8 @@ pub(super) fn parse(text: &str) -> Option<Result<Rows, String>> {
         rows.extend(values.iter().map(|column| column[own.clone()].to_vec()));
     }
     let step = step.filter(|_| !rows.is_empty())?;
+    let name = first.checked_sub(1).and_then(|names| lines[names].get(time));
+    let is_index = !names_time && step == 1.0 && name.is_some_and(|name| is_index(name));
     // A name without a unit is that of seconds where these are such as waveforms have.
     let is_in_seconds = unit_s.is_some() || step < LONGEST_S;
     Some(Ok(match increment_s {
@@ -135,7 +136,7 @@ fn time_unit(name: &str) -> Option<&str> {
     }
 }
 
-/// True of the name of a column that numbers the samples.
+/// True of the name of a column that may number the samples.
 fn is_index(name: &str) -> bool {
     ["", "#", "n", "i", "x", "index", "sample", "samples", "point", "points", "sequence", "bin"]
         .contains(&name.to_ascii_lowercase().as_str())
@@ -236,6 +237,7 @@ mod tests {
             ("t", 5e-10, true),
             ("range_m", 0.15, false),
             ("t (us)", 5e-4, true),
+            ("x", 5e-10, true),
             ("total", 5e-4, false),
         ] {
             let axis = axis(format!("{name},counts\n{}", lines(step))).unwrap();
