@@ -70,11 +70,11 @@ pub(super) fn parse(text: &str) -> Option<Result<Rows, String>> {
     // and a line of units after it.
     let (mut unit_s, mut names_time, mut increment_s) = (None, false, None);
     for names in first.saturating_sub(2)..first {
-        let below = |column: usize| lines.get(names + 1).and_then(|line| line.get(column));
+        let below = |column: usize| lines[first - 1].get(column);
         if let Some(time) = lines[names].iter().position(|name| time_unit(name).is_some()) {
             columns.retain(|&k| k >= time);
-            let below = lines[first - 1].get(time).and_then(|cell| unit(cell));
-            unit_s = time_unit(lines[names][time]).and_then(unit).or(below);
+            let beside = time_unit(lines[names][time]).and_then(unit);
+            unit_s = beside.or(below(time).and_then(|cell| unit(cell)));
             names_time = true;
         }
         let is_increment = |name: &&str| name.eq_ignore_ascii_case("increment");
@@ -98,8 +98,12 @@ pub(super) fn parse(text: &str) -> Option<Result<Rows, String>> {
         let own = bound[0]..bound[1];
         let of_segment = even_step(&times[own.clone()], ROUNDED).filter(|_| own.len() >= LEAST);
         let Some(of_segment) = of_segment else {
-            let line = uneven(&times).filter(|_| names_time && times.len() >= LEAST)?;
-            let row = places[first + line];
+            if !names_time || times.len() < LEAST {
+                return None;
+            }
+            // Without an uneven step it is the segment's end that comes too soon.
+            let line = own.start + uneven(&times[own.clone()]).unwrap_or(own.len());
+            let row = places[(first + line).min(places.len() - 1)];
             return Some(Err(format!(
                 "row {row}, column {}: expected times that rise in even steps",
                 time + 1
@@ -124,16 +128,12 @@ pub(super) fn parse(text: &str) -> Option<Result<Rows, String>> {
 
 /// What stands behind `time` or `t` in a column's name, its unit as a rule; `None` of other names.
 fn time_unit(name: &str) -> Option<&str> {
-    let is_time = |length: usize| name.get(..length).map(str::to_ascii_lowercase);
-    match () {
-        () if is_time(4).as_deref() == Some("time") => Some(&name[4..]),
-        () if is_time(1).as_deref() == Some("t")
-            && !name[1..].starts_with(char::is_alphanumeric) =>
-        {
-            Some(&name[1..])
-        }
-        () => None,
-    }
+    let after = |start: &str| {
+        let (begin, rest) = name.split_at_checked(start.len())?;
+        begin.eq_ignore_ascii_case(start).then_some(rest)
+    };
+    let is_whole = |rest: &&str| !rest.starts_with(char::is_alphanumeric);
+    after("time").or_else(|| after("t").filter(is_whole))
 }
 
 /// True of the name of a column that may number the samples.
@@ -290,6 +290,13 @@ mod tests {
         assert_eq!(parse(&format!("A,B\n{uneven}")), None);
         let named = parse(&format!("Time,Ampl\n{uneven}")).unwrap().expect_err("uneven");
         assert_eq!(named, "row 11, column 1: expected times that rise in even steps");
+        // In the second of two segments, and times that fall.
+        let second = segment(1e-9, 1, 0.0) + &uneven;
+        let named = parse(&format!("Time,Ampl\n{second}")).unwrap().expect_err("uneven");
+        assert!(named.starts_with("row 20, column 1: "), "{named}");
+        let falling: String = (0..9).map(|n| format!("{},1\n", 9 - n)).collect();
+        let named = parse(&format!("Time,Ampl\n{falling}")).unwrap().expect_err("falling");
+        assert!(named.starts_with("row 3, column 1: "), "{named}");
         let two_steps = segment(1e-9, 1, 0.0) + &segment(2e-9, 1, 0.0);
         assert_eq!(parse(&format!("Time,Ampl\n{two_steps}")), None);
     }
