@@ -137,6 +137,9 @@ pub(crate) fn levelled(
     let mut width = narrowest(finder, codes, colour).unwrap_or_default();
     let mut level = without_change(codes, sigma, width);
     for _ in 0..NARROWER {
+        if width <= NARROWEST {
+            break; // a narrower one changes nothing
+        }
         // Where a wide pulse hides what changes, as if it were as narrow as can be.
         let seen = level.clone().or_else(|| without_change(codes, sigma, NARROWEST));
         match narrowest(finder, &seen?.0, colour) {
