@@ -1,5 +1,6 @@
 //! Waveforms in columns: a time axis, and values beside it.
 
+use super::response::robust::median;
 use super::rows::Rows;
 
 /// Even steps of a time axis.
@@ -44,11 +45,9 @@ fn six_digits(number: f64) -> f64 {
 
 /// Index of the first time that does not follow the one before by the usual step.
 pub(super) fn uneven(times: &[f64]) -> Option<usize> {
-    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let all = steps.clone();
-    steps.sort_by(f64::total_cmp);
-    let usual = steps.get(steps.len() / 2)?;
-    all.iter().position(|step| (step - usual).abs() > ROUNDED * usual.abs()).map(|n| n + 1)
+    let steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let usual = median(&mut steps.clone());
+    steps.iter().position(|step| (step - usual).abs() > ROUNDED * usual.abs()).map(|n| n + 1)
 }
 
 impl Rows {
@@ -56,7 +55,7 @@ impl Rows {
     ///
     /// # Errors
     ///
-    /// Row of the first uneven time; rows of one or two samples.
+    /// Row of the first uneven time; rows of two numbers.
     pub(super) fn not_of_uneven_times(self) -> Result<Self, String> {
         let longest = (0..self.len()).map(|row| self.row_len(row)).max().unwrap_or_default();
         let expected = "expected a waveform a row, or values after times that rise in even steps";
@@ -70,10 +69,9 @@ impl Rows {
         let lines = first.len();
         match () {
             () if lines >= LEAST && longest > 1 && is_monotone(&first) => {
-                let of_line = (0..self.len()).filter(|&row| self.row_len(row) > 0);
-                let row = of_line.map(|row| row + 1).nth(uneven(&first).unwrap_or_default());
-                let row = row.unwrap_or_default();
-                Err(format!("row {row}, column 1: {expected}"))
+                let mut of_line = (0..self.len()).filter(|&row| self.row_len(row) > 0);
+                let row = of_line.nth(uneven(&first).unwrap_or_default()).unwrap_or_default();
+                Err(format!("row {}, column 1: {expected}", row + 1))
             }
             () if lines >= LEAST && longest > 1 && even_step(&last, ROUNDED).is_some() => {
                 Err(format!("row 1, column {longest}: {expected}; found the times last"))
@@ -294,6 +292,7 @@ mod tests {
             let single: Vec<f64> = times.map(|time| f64::from(time as f32)).collect();
             let step = even_step(&single, EXACT).unwrap();
             assert!((step / 1e-9 - 1.0).abs() < 1e-4, "{begin}: {step}");
+            assert!(begin == 1e-3 || step == 1e-9, "told to six digits: {step}");
         }
         // Samples have single precision, too.
         assert_eq!(even_step(&[300.0, 301.0, 303.0, 304.0], EXACT), None);

@@ -39,17 +39,18 @@ pub fn parse_waveforms(
     let parsed = match () {
         () if hdf5::is_hdf5(&bytes) => hdf5::parse(bytes, selection),
         () if selection.name.is_some() => Err("expected HDF5, the only files with datasets".into()),
-        () if is_npy(&bytes) => npy::parse(bytes)
-            .map(|array| Rows::of_array(array).into_waveforms())
-            .and_then(Rows::not_of_uneven_times),
+        () if is_npy(&bytes) => npy::parse(bytes).map(Rows::of_array).and_then(waveforms),
         () => csv::text(&bytes)
             .and_then(|text| {
                 csv::parse(text).or_else(|problem| scope::parse(text).unwrap_or(Err(problem)))
             })
-            .map(Rows::into_waveforms)
-            .and_then(Rows::not_of_uneven_times),
+            .and_then(waveforms),
     };
     finished(path, parsed)
+}
+
+fn waveforms(rows: Rows) -> Result<Rows, String> {
+    rows.into_waveforms().not_of_uneven_times()
 }
 
 fn finished(path: &Path, parsed: Result<Rows, String>) -> Result<Rows, FileError> {
