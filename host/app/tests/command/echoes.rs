@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use crate::fixture::Fixture;
 use echoloop_needs::data;
+use echoloop_random::Generator;
 use serde_json::Value;
 
 /// Runs the command on rows and gives the lines it prints.
@@ -624,6 +625,20 @@ fn two_walls_at_a_steady_distance_are_two_echoes_flagged_and_said() {
         let output = fixture.succeed(&["echoes", "waves.csv", "--sample-ns", "1"]);
         assert!(output.stderr.contains("second targets at a steady distance"), "{}", output.stderr);
     }
+}
+
+#[test]
+fn noise_behind_a_lone_wall_is_not_said_to_be_second_targets() {
+    let fixture = Fixture::new();
+    let row = |k: u64| {
+        let noise = Generator::new(7, k).normals(300);
+        let wall = record(300, 200.0, &[(80.0, 300.0, 6.0)]);
+        wall.iter().zip(noise).map(|(code, noise)| (code + 4.0 * noise).round()).collect()
+    };
+    let rows: Vec<Vec<f64>> = (0..60).map(row).collect();
+    assert_eq!(count(&echoes(&fixture, &rows, &[])), [1; 60]);
+    let output = fixture.succeed(&["echoes", "waves.csv", "--sample-ns", "1"]);
+    assert!(!output.stderr.contains("second targets"), "{}", output.stderr);
 }
 
 #[test]
