@@ -33,7 +33,7 @@ const PURPLE: RGBColor = RGBColor(123, 79, 163);
 
 /// Rows of the plan that both together are compared with.
 const CONTROLS: [(&str, RGBColor); 5] = [
-    ("combined", PURPLE),
+    ("sequence", PURPLE),
     ("combined-half", BLUE),
     ("hand", ORANGE),
     ("lidar", GREEN),

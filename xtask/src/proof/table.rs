@@ -1,6 +1,6 @@
 //! Tables of the proof's page.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 use echoloop_campaign::{Choice, Line};
@@ -8,7 +8,7 @@ use echoloop_statistics::{Estimate, mean, mean_of_groups};
 
 use super::record::Run;
 use super::{PROOF, parts};
-use crate::study::table::{as_ratio, ratio};
+use crate::study::table::{as_ratio, differences, ratio};
 
 /// Row whose gain is to be proved.
 const BOTH: &str = "joint";
@@ -117,7 +117,44 @@ fn summary(lines: &[&Line<Run>]) -> String {
         places.len()
     );
     let _ = write!(text, "\n{}", in_lines(&told));
+    text + &over_places(lines)
+}
+
+/// Ratio of both together to each control, over the kinds of scene and over the methods as well.
+fn over_places(lines: &[&Line<Run>]) -> String {
+    let of_method = |method: &str| -> Vec<&Line<Run>> {
+        lines.iter().filter(|line| line.cell.of("method") == method).copied().collect()
+    };
+    let mut columns: Vec<(&str, Vec<&Line<Run>>)> =
+        PROOF.values("method").iter().map(|m| (m.title(), of_method(&m.name))).collect();
+    columns.push(("all", lines.to_vec()));
+    let titles: Vec<&str> = columns.iter().map(|(title, _)| *title).collect();
+    let mut text = format!("\n| both together to | {} |\n", titles.join(" | "));
+    let _ = writeln!(text, "{}|", "|---".repeat(1 + columns.len()));
+    for control in CONTROLS {
+        let ratio = |(_, own): &(_, Vec<_>)| {
+            ratio_over_places(own, control).map_or("–".to_owned(), as_ratio)
+        };
+        let ratios: Vec<String> = columns.iter().map(ratio).collect();
+        let _ = writeln!(text, "| {} | {} |", title(control), ratios.join(" | "));
+    }
     text
+}
+
+/// Ratio of both together to a row, as its logarithm: a seed is a group of the pairs of all its
+/// places. A seed that lacks either in one of the places is left out.
+fn ratio_over_places(lines: &[&Line<Run>], tuned: &str) -> Option<Estimate> {
+    let pairs: Vec<_> = beside(lines, tuned).collect();
+    let place = |line: &Line<Run>| ["method", "scene"].map(|axis| line.cell.of(axis).to_owned());
+    let places: BTreeSet<_> = pairs.iter().map(|[own, _]| place(own)).collect();
+    let mut of_seeds: BTreeMap<&str, Vec<Vec<f64>>> = BTreeMap::new();
+    for &[own, other] in &pairs {
+        let of_pairs = differences(&own.result.tuned, &other.result.tuned);
+        of_seeds.entry(own.cell.of("seed")).or_default().push(of_pairs);
+    }
+    let whole = of_seeds.into_values().filter(|own| own.len() == places.len());
+    let groups: Vec<Vec<f64>> = whole.map(|own| own.concat()).collect();
+    (groups.len() >= LEAST_RUNS).then(|| mean_of_groups(&groups))?
 }
 
 /// Prose in lines of at most 100 columns.
@@ -196,8 +233,8 @@ pub(super) fn mean_of(lines: &[&Line<Run>], row: &str, value: &dyn Fn(&Run) -> f
 
 /// Ratio of both together to a row, of the seeds that have both, as its logarithm.
 pub(super) fn to(lines: &[&Line<Run>], tuned: &str) -> Option<Estimate> {
-    let pairs: Vec<_> = beside(lines, tuned).collect();
-    ratio(&pairs.iter().map(|(own, other)| (&own.tuned, &other.tuned)).collect::<Vec<_>>())
+    let pairs: Vec<_> = beside(lines, tuned).map(results).collect();
+    ratio(&pairs.iter().map(|[own, other]| (&own.tuned, &other.tuned)).collect::<Vec<_>>())
 }
 
 /// Both together less a row.
@@ -214,18 +251,18 @@ struct Compared {
 
 /// `None` where too few seeds have both.
 fn compared(lines: &[&Line<Run>], tuned: &str) -> Option<Compared> {
-    let runs: Vec<_> = beside(lines, tuned).collect();
+    let runs: Vec<_> = beside(lines, tuned).map(results).collect();
     if runs.len() < LEAST_RUNS {
         return None;
     }
     let differences = |of: fn(f64) -> f64| {
-        let run = |(own, other): &(&Run, &Run)| {
+        let run = |[own, other]: &[&Run; 2]| {
             let pairs = own.tuned.losses().into_iter().zip(other.tuned.losses());
             pairs.map(|(own, other)| of(own) - of(other)).collect()
         };
         runs.iter().map(run).collect::<Vec<Vec<f64>>>()
     };
-    let found = |(own, other): &(&Run, &Run)| vec![own.tuned.recall_pct - other.tuned.recall_pct];
+    let found = |[own, other]: &[&Run; 2]| vec![own.tuned.recall_pct - other.tuned.recall_pct];
     Some(Compared {
         ratio: to(lines, tuned)?,
         root: mean_of_groups(&differences(f64::sqrt))?,
@@ -234,14 +271,18 @@ fn compared(lines: &[&Line<Run>], tuned: &str) -> Option<Compared> {
     })
 }
 
-/// Both together and a row, of each seed that has both.
-fn beside<'a>(lines: &[&'a Line<Run>], tuned: &str) -> impl Iterator<Item = (&'a Run, &'a Run)> {
+/// Lines of both together and of a row, of each place and seed that has both.
+fn beside<'a>(lines: &[&'a Line<Run>], tuned: &str) -> impl Iterator<Item = [&'a Line<Run>; 2]> {
     let pair = move |line: &&'a Line<Run>| {
         let cell = line.cell.with("tuned", tuned);
         let other = lines.iter().find(|other| other.cell == cell && tuned != BOTH)?;
-        Some((&line.result, &other.result))
+        Some([*line, *other])
     };
     lines.iter().filter(|line| line.cell.of("tuned") == BOTH).filter_map(pair)
+}
+
+fn results(lines: [&Line<Run>; 2]) -> [&Run; 2] {
+    lines.map(|line| &line.result)
 }
 
 /// Lines of a condition.
@@ -321,6 +362,38 @@ mod tests {
         assert!(page.contains("is shown in 0 of 1 places, a smaller root in 0"), "{page}");
         let page = tables(&lines([300; 3]));
         assert!(page.contains("| sensor | 1 | 0 | 1 | 0 | 1 | 1 | 0 |"), "{page}");
+    }
+
+    #[test]
+    fn over_places_only_seeds_count_that_have_both_in_each_of_them() {
+        let mut lines = lines([500; 3]);
+        let page = tables(&lines);
+        let halves = |ratio: &str| format!("| halves combined | {ratio} | – | – | – | {ratio} |");
+        assert!(page.contains(&halves("**× 0.67** (0.67 to 0.67)")), "{page}");
+        let elsewhere: Vec<Line<Run>> = lines
+            .iter()
+            .map(|line| Line { cell: line.cell.with("scene", "unstructured"), ..line.clone() })
+            .collect();
+        lines.extend(elsewhere);
+        // There both together err twice as much, of seed 3 fifty times.
+        for line in lines.iter_mut().skip(15).filter(|line| line.cell.of("tuned") == "joint") {
+            let factor = if line.cell.of("seed") == "3" { 50 } else { 2 };
+            line.result.tuned.errors.iter_mut().for_each(|error| *error *= factor);
+        }
+        let rows = |page: &str| -> Vec<String> {
+            let own = page.lines().filter(|row| row.starts_with("| halves combined |"));
+            own.map(str::to_owned).collect()
+        };
+        // Of each seed √(0.67 × 1.33), but of the last √(0.67 × 33).
+        let page = tables(&lines);
+        assert!(rows(&page)[1].starts_with("| halves combined | × 1.61 ("), "{page}");
+        lines.retain(|line| {
+            ["tuned", "scene", "seed"].map(|axis| line.cell.of(axis))
+                != ["combined-half", "unstructured", "3"]
+        });
+        // Of two whole seeds nothing is said.
+        let page = tables(&lines);
+        assert_eq!(rows(&page)[1], "| halves combined | – | – | – | – | – |", "{page}");
     }
 
     #[test]
