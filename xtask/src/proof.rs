@@ -1,7 +1,8 @@
 //! `cargo xtask proof`: both halves tuned together, against whatever would explain their gain away.
 //!
 //! The plan is `benches/plans/proof.toml`. A line of its record has the error of every held-out
-//! pair, and the tables of `benches/record/proof.md` are written from the lines alone.
+//! pair, and the tables of `benches/record/proof.md` and of
+//! `docs/results.md` are written from the lines alone.
 
 mod interactions;
 mod picture;
@@ -25,6 +26,7 @@ static PROOF: LazyLock<Plan> =
     LazyLock::new(|| Plan::read(include_str!("../../benches/plans/proof.toml")));
 
 const PAGE: &str = "benches/record/proof.md";
+const RESULTS: &str = "docs/results.md";
 const FIGURES: &str = "docs/figures";
 /// Condition whose pictures are drawn.
 const SHOWN: &str = "dim";
@@ -81,7 +83,9 @@ pub(crate) fn run(args: &Proof) -> Result<()> {
     };
     let lines = recorded(&PROOF)?;
     write_page(PAGE, "cargo xtask proof", &page(&lines, &recorded(&TAKEN_BACK)?))?;
-    for (name, svg) in picture::pictures(&table::of_condition(&lines, SHOWN))? {
+    let shown = table::of_condition(&lines, SHOWN);
+    write_page(RESULTS, "cargo xtask proof", &table::claim(&shown))?;
+    for (name, svg) in picture::pictures(&shown)? {
         let path = workspace()?.join(FIGURES).join(name);
         fs::write(&path, svg).with_context(|| format!("cannot write {}", path.display()))?;
     }
