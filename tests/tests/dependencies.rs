@@ -497,3 +497,55 @@ fn the_page_on_the_architecture_has_the_same_table() {
     }
     assert_eq!(declared.len(), ALLOWED.len());
 }
+
+/// Sections of a manifest that name dependencies, by their path, each with its table.
+fn dependencies_of(manifest: &toml::Table) -> BTreeMap<String, toml::Table> {
+    let mut sections = BTreeMap::new();
+    for (name, value) in manifest {
+        let Some(table) = value.as_table() else { continue };
+        if name.ends_with("dependencies") {
+            sections.insert(name.clone(), table.clone());
+        } else if name == "target" {
+            for (target, of_target) in table {
+                let of_target = of_target.as_table().expect("a table");
+                let own = dependencies_of(of_target).into_iter();
+                sections.extend(own.map(|(section, own)| (format!("{target} {section}"), own)));
+            }
+        }
+    }
+    sections
+}
+
+#[test]
+fn the_manifest_of_a_copied_firmware_has_what_the_example_is_built_with() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let read = |path: &str| -> toml::Table {
+        let text = std::fs::read_to_string(root.join(path)).expect(path);
+        text.parse().unwrap_or_else(|error| panic!("{path}: {error}"))
+    };
+    let workspace = read("Cargo.toml")["workspace"]["dependencies"].clone();
+    for example in ["own_firmware", "detector_firmware"] {
+        let of = |file: &str| dependencies_of(&read(&format!("examples/{example}/{file}")));
+        let (own, copied) = (of("Cargo.toml"), of("copied.toml"));
+        let names = |all: &BTreeMap<String, toml::Table>| -> BTreeSet<(String, String)> {
+            let each = all.iter().flat_map(|(section, own)| own.keys().map(move |k| (section, k)));
+            each.map(|(section, name)| (section.clone(), name.clone())).collect()
+        };
+        assert!(names(&own).len() >= 4, "{example}: {own:?}");
+        assert_eq!(names(&own), names(&copied), "examples/{example}/copied.toml");
+        for (name, copied) in copied.values().flatten() {
+            let here = &workspace[name];
+            match copied.get("path").and_then(toml::Value::as_str) {
+                Some(path) => {
+                    let here = here["path"].as_str().expect("a path");
+                    assert_eq!(path, format!("../echoloop/{here}"), "{example}: {name}");
+                }
+                None => {
+                    let version = copied.as_str().expect("a version");
+                    let here = here.get("version").unwrap_or(here).as_str().expect("a version");
+                    assert!(here.starts_with(version), "{example}: {name} {version}, {here} here");
+                }
+            }
+        }
+    }
+}
