@@ -99,25 +99,34 @@ fn summary(lines: &[&Line<Run>]) -> String {
             );
         }
     }
+    // Of a condition without these rows there is nothing to be counted.
+    let is_run = |control: &&str| of_controls[*control].iter().any(Option::is_some);
+    if REQUIRED.iter().all(is_run) {
+        let _ = write!(text, "\n{}", in_lines(&told(lines, &of_controls)));
+    }
+    text + &over_places(lines)
+}
+
+/// In how many places both together err less than each of those to be beaten, and whose sensor they
+/// end at.
+fn told(lines: &[&Line<Run>], of_controls: &BTreeMap<&str, Vec<Option<Compared>>>) -> String {
+    let places = of_controls[REQUIRED[0]].len();
     let shown = |of: fn(&Compared) -> &Estimate| {
         let less =
             |one: &Option<Compared>| one.as_ref().is_some_and(|one| of(one).interval[1] < 0.0);
         let all =
             |place: &usize| REQUIRED.iter().all(|control| less(&of_controls[control][*place]));
-        (0..places.len()).filter(all).count()
+        (0..places).filter(all).count()
     };
     let (by_ratio, by_root) = (shown(|one| &one.ratio), shown(|one| &one.root));
     let names = REQUIRED.map(title).join("; ");
     let [own, of_hand] = sensors(lines);
     let runs = of(lines, BOTH).count();
-    let told = format!(
-        "Less error than each of these is shown in {by_ratio} of {} places, a smaller root in \
-         {by_root}: {names}. Of {runs} runs of both together {own} end at a sensor of their own, \
-         {of_hand} at the one set by hand.",
-        places.len()
-    );
-    let _ = write!(text, "\n{}", in_lines(&told));
-    text + &over_places(lines)
+    format!(
+        "Less error than each of these is shown in {by_ratio} of {places} places, a smaller root \
+         in {by_root}: {names}. Of {runs} runs of both together {own} end at a sensor of their \
+         own, {of_hand} at the one set by hand."
+    )
 }
 
 /// Ratio of both together to each of the controls to be beaten and to the sensor before its
@@ -156,7 +165,9 @@ fn ratios_over_places<'a>(
         let mut ratios: Vec<String> = columns.iter().map(ratio).collect();
         let single = PROOF.values("method").len();
         ratios[..single].iter_mut().for_each(|ratio| *ratio = cut(ratio).to_owned());
-        let _ = writeln!(text, "| {} | {} |", title(control), ratios.join(" | "));
+        if ratios.iter().any(|ratio| ratio != "–") {
+            let _ = writeln!(text, "| {} | {} |", title(control), ratios.join(" | "));
+        }
     }
     text
 }
@@ -393,7 +404,7 @@ mod tests {
         let shown = claim(&lines.iter().collect::<Vec<_>>());
         let sensor = "| sensor | **× 0.80** | – | – | – | **× 0.80** (0.80 to 0.80) |";
         assert!(shown.contains(sensor), "{shown}");
-        assert!(shown.contains("| sensor, then registration | – | – | – | – | – |"), "{shown}");
+        assert!(!shown.contains("| sensor, then registration |"), "{shown}");
         let elsewhere: Vec<Line<Run>> = lines
             .iter()
             .map(|line| Line { cell: line.cell.with("scene", "unstructured"), ..line.clone() })
@@ -404,20 +415,23 @@ mod tests {
             let factor = if line.cell.of("seed") == "3" { 50 } else { 2 };
             line.result.tuned.errors.iter_mut().for_each(|error| *error *= factor);
         }
-        let rows = |page: &str| -> Vec<String> {
-            let own = page.lines().filter(|row| row.starts_with("| halves combined |"));
-            own.map(str::to_owned).collect()
+        let row = |page: &str| -> Option<String> {
+            let mut own = page.lines().filter(|row| row.starts_with("| halves combined |"));
+            own.nth(1).map(str::to_owned)
         };
         // Of each seed √(0.67 × 1.33), but of the last √(0.67 × 33).
         let page = tables(&lines);
-        assert!(rows(&page)[1].starts_with("| halves combined | × 1.61 ("), "{page}");
+        assert!(row(&page).unwrap().starts_with("| halves combined | × 1.61 ("), "{page}");
         lines.retain(|line| {
             ["tuned", "scene", "seed"].map(|axis| line.cell.of(axis))
                 != ["combined-half", "unstructured", "3"]
         });
         // Of two whole seeds nothing is said.
         let page = tables(&lines);
-        assert_eq!(rows(&page)[1], "| halves combined | – | – | – | – | – |", "{page}");
+        assert_eq!(row(&page), None, "{page}");
+        // Nor are places counted for what was not run.
+        lines.retain(|line| line.cell.of("tuned") != "hand");
+        assert!(!tables(&lines).contains("is shown in"), "{page}");
     }
 
     #[test]
