@@ -1,8 +1,8 @@
 //! `cargo xtask proof`: both halves tuned together, against whatever would explain their gain away.
 //!
 //! The plan is `benches/plans/proof.toml`. A line of its record has the error of every held-out
-//! pair, and the tables of `benches/record/proof.md` and of
-//! `docs/results.md` are written from the lines alone.
+//! pair, and the tables of `benches/record/proof.md` and `docs/results.md` are written from the
+//! lines alone.
 
 mod interactions;
 mod picture;

@@ -8,7 +8,7 @@ use echoloop_statistics::{Estimate, mean, mean_of_groups};
 
 use super::record::Run;
 use super::{PROOF, parts};
-use crate::study::table::{as_ratio, differences, ratio};
+use crate::study::table::{as_ratio, differences, ratio, ratio_alone};
 
 /// Row whose gain is to be proved.
 const BOTH: &str = "joint";
@@ -132,39 +132,35 @@ fn told(lines: &[&Line<Run>], of_controls: &BTreeMap<&str, Vec<Option<Compared>>
 /// Ratio of both together to each of the controls to be beaten and to the sensor before its
 /// registration, with the interval of all methods alone: the table of `docs/results.md`.
 pub(super) fn claim(lines: &[&Line<Run>]) -> String {
-    let controls = REQUIRED.iter().chain(&["sequence"]);
-    let table =
-        ratios_over_places(lines, controls, |ratio| ratio.split_once(" (").map_or(ratio, |r| r.0));
-    table + "\n"
+    ratios_over_places(lines, &[&REQUIRED[..], &["sequence"]].concat(), ratio_alone) + "\n"
 }
 
 /// Ratio of both together to each control, over the kinds of scene and over the methods as well.
 fn over_places(lines: &[&Line<Run>]) -> String {
-    ratios_over_places(lines, &CONTROLS, |ratio| ratio)
+    ratios_over_places(lines, &CONTROLS, as_ratio)
 }
 
-/// Table of the ratios to some controls; `cut` shortens those of single methods.
-fn ratios_over_places<'a>(
+/// Table of the ratios to some controls, those of a single method as `told`.
+fn ratios_over_places(
     lines: &[&Line<Run>],
-    controls: impl IntoIterator<Item = &'a &'a str>,
-    cut: fn(&str) -> &str,
+    controls: &[&str],
+    told: fn(Estimate) -> String,
 ) -> String {
-    let of_method = |method: &str| -> Vec<&Line<Run>> {
-        lines.iter().filter(|line| line.cell.of("method") == method).copied().collect()
+    let of_method = |method: &Choice| {
+        let own = lines.iter().filter(|line| line.cell.of("method") == method.name);
+        own.copied().collect::<Vec<_>>()
     };
-    let mut columns: Vec<(&str, Vec<&Line<Run>>)> =
-        PROOF.values("method").iter().map(|m| (m.title(), of_method(&m.name))).collect();
-    columns.push(("all", lines.to_vec()));
-    let titles: Vec<&str> = columns.iter().map(|(title, _)| *title).collect();
+    let methods: Vec<_> =
+        PROOF.values("method").iter().map(|m| (m.title(), of_method(m), told)).collect();
+    let columns = [methods, vec![("all", lines.to_vec(), as_ratio)]].concat();
+    let titles: Vec<&str> = columns.iter().map(|(title, ..)| *title).collect();
     let mut text = format!("\n| both together to | {} |\n", titles.join(" | "));
     let _ = writeln!(text, "{}|", "|---".repeat(1 + columns.len()));
     for control in controls {
-        let ratio = |(_, own): &(_, Vec<_>)| {
-            ratio_over_places(own, control).map_or("–".to_owned(), as_ratio)
-        };
-        let mut ratios: Vec<String> = columns.iter().map(ratio).collect();
-        let single = PROOF.values("method").len();
-        ratios[..single].iter_mut().for_each(|ratio| *ratio = cut(ratio).to_owned());
+        let ratios = columns
+            .iter()
+            .map(|(_, own, told)| ratio_over_places(own, control).map_or("–".to_owned(), told));
+        let ratios: Vec<String> = ratios.collect();
         if ratios.iter().any(|ratio| ratio != "–") {
             let _ = writeln!(text, "| {} | {} |", title(control), ratios.join(" | "));
         }

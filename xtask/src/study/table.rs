@@ -134,12 +134,16 @@ pub(crate) fn differences(own: &Judged, other: &Judged) -> Vec<f64> {
     pairs.map(|(own, other)| (own.max(LEAST) / other.max(LEAST)).ln()).collect()
 }
 
-/// A difference of logarithms as a ratio, bold where it is significant.
+/// A difference of logarithms as a ratio with its interval.
 pub(crate) fn as_ratio(estimate: Estimate) -> String {
-    let Estimate { value, interval: [low, high] } = estimate;
-    let [value, low, high] = [value, low, high].map(|logarithm| digits(logarithm.exp()));
+    let [low, high] = estimate.interval.map(|logarithm| digits(logarithm.exp()));
+    format!("{} ({low} to {high})", ratio_alone(estimate))
+}
+
+/// A difference of logarithms as a ratio, bold where it is significant.
+pub(crate) fn ratio_alone(estimate: Estimate) -> String {
     let bold = if estimate.holds(0.0) { "" } else { "**" };
-    format!("{bold}× {value}{bold} ({low} to {high})")
+    format!("{bold}× {}{bold}", digits(estimate.value.exp()))
 }
 
 /// A ratio with two decimals, and at least two significant digits.
