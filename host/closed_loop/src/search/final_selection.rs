@@ -100,6 +100,24 @@ impl FinalSelection {
         evaluate: &Evaluate<'_>,
     ) -> Result<Option<usize>, SensorError> {
         left.push(incumbent);
+        let Some(left) = self.raced(left, most_after, fitness, evaluate)? else { return Ok(None) };
+        let leader = self.leader(&left, self.pairs, fitness);
+        let ahead = self.ahead(leader, incumbent, self.pairs, fitness);
+        let [own, best] = [incumbent, leader].map(|i| self.standing(i, self.pairs, fitness).0);
+        let stays = own == best && ahead.is_some_and(|ahead| ahead <= AHEAD);
+        Ok(Some(if stays { incumbent } else { leader }))
+    }
+
+    /// Indices of those that have seen all pairs at the end of a race. After every look those
+    /// significantly behind the leader are eliminated, and of the others all but the best that
+    /// `most` allows after so many pairs. `None` when interrupted.
+    pub(super) fn raced(
+        &mut self,
+        mut left: Vec<usize>,
+        most: fn(usize) -> usize,
+        fitness: &Fitness<'_>,
+        evaluate: &Evaluate<'_>,
+    ) -> Result<Option<Vec<usize>>, SensorError> {
         left.sort_unstable();
         left.dedup();
         let mut seen = FIRST_LOOK.min(self.pairs);
@@ -107,14 +125,10 @@ impl FinalSelection {
             if !self.evaluate(&left, seen, evaluate)? {
                 return Ok(None);
             }
-            let leader = self.leader(&left, seen, fitness);
             if seen == self.pairs {
-                let ahead = self.ahead(leader, incumbent, seen, fitness);
-                let [own, best] = [incumbent, leader].map(|i| self.standing(i, seen, fitness).0);
-                let stays = own == best && ahead.is_some_and(|ahead| ahead <= AHEAD);
-                return Ok(Some(if stays { incumbent } else { leader }));
+                return Ok(Some(left));
             }
-            left = self.go_on(&left, leader, seen, fitness);
+            left = self.go_on(&left, most(seen), seen, fitness);
             seen = self.next(&left, seen + LEG);
         }
     }
@@ -170,20 +184,16 @@ impl FinalSelection {
         best.unwrap_or_default()
     }
 
-    /// Finalists that go on; ties go to the earlier entry. One that has seen all pairs before
-    /// stays: it costs nothing, and no finalist wins without a comparison with it on all of them.
-    fn go_on(
-        &self,
-        left: &[usize],
-        leader: usize,
-        seen: usize,
-        fitness: &Fitness<'_>,
-    ) -> Vec<usize> {
+    /// Finalists that go on, at most so many; ties go to the earlier entry. One that has seen all
+    /// pairs before stays: it costs nothing, and no finalist wins without a comparison with it on
+    /// all of them.
+    fn go_on(&self, left: &[usize], most: usize, seen: usize, fitness: &Fitness<'_>) -> Vec<usize> {
+        let leader = self.leader(left, seen, fitness);
         let (mut stay, mut others): (Vec<usize>, Vec<usize>) =
             left.iter().partition(|&&i| self.entries[i].results.len() == self.pairs);
         others.retain(|&i| self.behind(i, leader, seen, fitness).is_none_or(|b| b <= BEHIND));
         others.sort_by(|&a, &b| self.better(a, b, seen, fitness));
-        others.truncate(most_after(seen));
+        others.truncate(most);
         stay.append(&mut others);
         stay.sort_unstable();
         stay

@@ -207,20 +207,36 @@ impl SearchRun<'_> {
         for &i in &each {
             check.enter(selection.origin(i).clone(), *selection.parameters(i)); // no two are equal
         }
-        let (mut standing, mut against) = (0, 0);
+        let last = each.len() - 1;
+        evaluator.observer.stage("checking", each.len() * pairs.len());
         // What stands has to be evaluated on all pairs before anybody is compared with it.
-        self.select_on((&evaluator, &self.fitness), &mut check, standing, Vec::new())?;
+        self.select_on((&evaluator, &self.fitness), &mut check, 0, Vec::new())?;
         // Of these pairs, too, what stands is held to what the best that was given loses.
-        let of_start = check.results(standing).to_vec();
+        let of_start = check.results(0).to_vec();
         let mut fitness = Fitness { given: of_start.clone(), start: of_start, ..self.fitness };
-        for (next, own) in each.iter().enumerate().skip(1) {
-            against = standing;
-            standing = self.select_on((&evaluator, &fitness), &mut check, standing, vec![next])?;
-            if given.contains(own) && *own != choice {
-                fitness.given = check.results(standing).to_vec();
+        let is_given = |&i: &usize| given.contains(&each[i]) && each[i] != choice;
+        let (of_given, others): (Vec<usize>, Vec<usize>) = (1..each.len()).partition(is_given);
+        let mut best_given = 0;
+        for next in of_given {
+            let of = (&evaluator, &fitness);
+            best_given = self.select_on(of, &mut check, best_given, vec![next])?;
+            fitness.given = check.results(best_given).to_vec();
+        }
+        // What falls far behind another is worth no more pairs, unless the choice does not stand.
+        let raced = [&[best_given], &others[..]].concat();
+        let left = self.raced_on((&evaluator, &fitness), &mut check, raced)?;
+        let (mut standing, mut against) = (best_given, best_given);
+        for order in [left, others] {
+            standing = best_given;
+            for next in order.into_iter().filter(|&next| next != best_given) {
+                against = standing;
+                let of = (&evaluator, &fitness);
+                standing = self.select_on(of, &mut check, standing, vec![next])?;
+            }
+            if standing == last {
+                break;
             }
         }
-        let last = each.len() - 1;
         let seen = check.results(last).len();
         let holds = standing == last;
         let ahead = match holds {
@@ -266,6 +282,8 @@ impl SearchRun<'_> {
         incumbent: usize,
         finalists: Vec<usize>,
     ) -> Result<usize, TuneError> {
+        let most = (1 + finalists.len()) * self.evaluator.pairs.len();
+        self.evaluator.observer.stage("choosing", most);
         self.select_on((&self.evaluator, &self.fitness), selection, incumbent, finalists)
     }
 
@@ -277,11 +295,22 @@ impl SearchRun<'_> {
         incumbent: usize,
         finalists: Vec<usize>,
     ) -> Result<usize, TuneError> {
-        let most = (1 + finalists.len()) * evaluator.pairs.len();
-        evaluator.observer.stage("choosing", most);
         let evaluate = |tasks: &[Task<'_>]| evaluator.evaluate(tasks);
         let winner = selection.winner(incumbent, finalists, fitness, &evaluate)?;
         winner.ok_or_else(|| self.interrupted())
+    }
+
+    /// Those of some finalists that have seen all pairs of an evaluator at the end of a race in
+    /// which only those fall out that are far behind.
+    fn raced_on(
+        &self,
+        (evaluator, fitness): (&Evaluator<'_>, &Fitness<'_>),
+        selection: &mut FinalSelection,
+        finalists: Vec<usize>,
+    ) -> Result<Vec<usize>, TuneError> {
+        let evaluate = |tasks: &[Task<'_>]| evaluator.evaluate(tasks);
+        let left = selection.raced(finalists, |_| usize::MAX, fitness, &evaluate)?;
+        left.ok_or_else(|| self.interrupted())
     }
 
     /// Refuses to minimise a cost from a start that registers no pair: no limit would hold a
