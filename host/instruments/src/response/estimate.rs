@@ -30,6 +30,11 @@ const AFTER: f64 = 12.0;
 /// End of the main lobe, pulse widths from the top.
 pub(super) const LOBE: f64 = 1.2;
 
+/// Greatest spread of an instrument's own beside its lobe, over its level, and the greatest after
+/// the lobe where it has hardly a level, over the height: drift and wide surfaces move that.
+const VARIES: f64 = 0.35;
+const LEAST_VARIED: f64 = 0.01;
+
 /// Rounds of averaging and aligning.
 const ROUNDS: usize = 3;
 
@@ -56,8 +61,10 @@ impl Estimate {
     /// h(lag)   mean of the densest half of x(t + lag)/A over the echoes
     /// t, A     least squares against h within 0.8 widths; 3 rounds with h. In the second only the
     ///          half stays that differs least from h after its lobe: the others have more echoes
-    /// spread   σ of the densest half, without noise; on the lobe, σ of the residuals of a fit of
-    ///          height, time and surface
+    /// spread   σ of the densest half of n, without noise · (1 + 2/√n); on the lobe, σ of the
+    ///          residuals of a fit of height, time and surface; before it at most 0.35·|h|: light
+    ///          does not come before the pulse; after it at most 0.35·max |h| within half a width,
+    ///          or 0.01
     /// ```
     ///
     /// Where the densest half is wider than noise and a third of its level explain, the records
@@ -80,8 +87,27 @@ impl Estimate {
         }
         estimate.narrow = share;
         estimate.refine_lobe(&narrow);
+        estimate.limit_spread();
         estimate.doubtful = take_out(&mut estimate.curve, &mut estimate.spread, strong, pulses);
         Some(estimate)
+    }
+
+    /// Limits the spread beside the lobe to what the instrument's own can vary by, see
+    /// [`Estimate::of`]; what varies more are other targets.
+    fn limit_spread(&mut self) {
+        let Curve { ref values, width, .. } = self.curve;
+        let reach = (PER_WIDTH / 2.0) as usize;
+        let highest = |levels: &[f64]| levels.iter().fold(0.0, |a: f64, level| a.max(level.abs()));
+        for (point, spread) in self.spread.iter_mut().enumerate() {
+            let lag = self.curve.time(point);
+            if lag < -LOBE * width {
+                *spread = spread.min((VARIES * values[point].abs()).max(LEAST_VARIED));
+            } else if lag > LOBE * width {
+                let end = (point + reach + 1).min(values.len());
+                let level = highest(&values[point - reach..end]);
+                *spread = spread.min((VARIES * level).max(LEAST_VARIED));
+            }
+        }
     }
 
     /// Sets the spread on the lobe to that of the residuals of a fit of height, time and surface.
@@ -153,9 +179,10 @@ fn most(mut values: Vec<f64>, lag: f64, noise: f64) -> (f64, f64) {
     }
     values.sort_by(f64::total_cmp);
     let (level, spread) = densest_half(&values);
-    let steady = (3.0 * noise).max(0.02).max(0.35 * level.abs());
+    let steady = (3.0 * noise).max(0.02).max(VARIES * level.abs());
     if lag.abs() < LOBE || spread <= steady {
-        return (level, beyond(spread, noise));
+        let inexact = 1.0 + 2.0 / (values.len() as f64).sqrt();
+        return (level, beyond(spread, noise * inexact));
     }
     // The lowest fifth of normal values ends 0.84 σ below their middle, the lowest twentieth
     // another 0.80 σ below.
