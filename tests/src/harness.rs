@@ -399,6 +399,7 @@ fn record(draw: &mut Draw<'_>) {
         echoes,
         pulse,
         colour,
+        best_fit: draw.below(2) == 0,
     };
     let codes = draw.codes();
     let found = finder.echoes(&codes, &search);

@@ -113,19 +113,16 @@ fn highest(values: &[f64]) -> f64 {
 }
 
 /// Width of the pulse, samples, and the index of the filter to measure through.
-fn scale(
-    bank: &[Template],
-    x: &[f64],
-    sigma: f64,
-    pulse: Option<f64>,
-    colour: Option<&Colour>,
-) -> (f64, usize) {
+fn scale(bank: &[Template], x: &[f64], sigma: f64, search: &FinderConfig) -> (f64, usize) {
+    let colour = search.colour.as_ref();
+    let known = search.pulse.map(|pulse| nearest(pulse.width as f64 / 65_536.0).clamp(1.0, 63.0));
     let gain = |t: &Template| noise_gain(&taps(t), t.noise_gain.into(), colour);
-    let pulse = pulse.unwrap_or_else(|| {
+    let pulse = known.unwrap_or_else(|| {
         let fits = |&&width: &&u32| width == 2 || 2 * width as usize <= x.len();
         let widths: Vec<u32> = WIDTHS.iter().take_while(fits).copied().collect();
-        let tops: Vec<f64> =
-            widths.iter().zip(bank).map(|(_, t)| highest(&filtered(&taps(t), x))).collect();
+        let seen: Vec<Vec<f64>> =
+            widths.iter().zip(bank).map(|(_, t)| filtered(&taps(t), x)).collect();
+        let tops: Vec<f64> = seen.iter().map(|y| highest(y)).collect();
         let mut best = 0;
         for i in 1..widths.len() {
             if tops[i] * gain(&bank[best]) > tops[best] * gain(&bank[i]) {
@@ -134,7 +131,17 @@ fn scale(
         }
         let nearly =
             |&i: &usize| 32.0 * tops[i] * gain(&bank[best]) >= 31.0 * tops[best] * gain(&bank[i]);
-        f64::from((0..widths.len()).find(nearly).map_or(2, |i| widths[i]))
+        let first = (0..widths.len()).find(nearly).unwrap_or(0);
+        let clear = |y: &[f64], t: &Template| {
+            let least = nearest(nearest(sigma * gain(t) / 32_768.0) / 2.0).min(32_767.0);
+            let level = least.max((highest(y) / 5.0).trunc());
+            prominent_peaks(y, 0, level, |y| least.max((y / 4.0).floor())).len()
+        };
+        let clear: Vec<usize> = seen.iter().zip(bank).map(|(y, t)| clear(y, t)).collect();
+        let most = clear.iter().max();
+        let last = (0..widths.len()).rfind(|&i| Some(&clear[i]) == most);
+        let widest = if search.best_fit { first } else { last.unwrap_or(0) };
+        f64::from(widths[first.min(widest)])
     });
     let factor = (8.0 * pulse).max(100.0);
     let quiet = |t: &Template| factor * nearest(sigma * gain(t) / 32_768.0) <= 16.0 * highest(x);
@@ -382,9 +389,7 @@ impl<'a> Record<'a> {
         let x: Vec<f64> = codes.iter().map(|c| c * code - ambient).collect();
         let mut bank: Vec<Template> =
             WIDTHS.iter().map(|&width| Template::sin_squared(width * 1000, 1_000_000)).collect();
-        let known =
-            search.pulse.map(|pulse| nearest(pulse.width as f64 / 65_536.0).clamp(1.0, 63.0));
-        let (pulse, view) = scale(&bank, &x, sigma, known, colour);
+        let (pulse, view) = scale(&bank, &x, sigma, search);
         Self { search, code, x, sigma, pulse, view, narrow: bank.swap_remove(view) }
     }
 

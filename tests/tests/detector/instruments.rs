@@ -280,3 +280,46 @@ fn noise_is_measured_where_no_echo_is() {
         }
     }
 }
+
+/// Records of two equal walls: Gaussian pulses `apart` widths from each other.
+fn two_walls(width: f64, snr: f64, apart: f64, records: u64) -> Vec<(Vec<f64>, [f64; 2])> {
+    let sigma = width / (8.0 * std::f64::consts::LN_2).sqrt();
+    let record = |seed: u64| {
+        let mut random = Generator::new(seed, 0);
+        let noise = random.normals(300);
+        let first = random.range(80.0, 140.0);
+        let walls = [first, first + apart * width];
+        let pulse = |n: f64| walls.map(|t| (-0.5 * ((n - t) / sigma).powi(2)).exp());
+        let sample = |(n, z): (i32, f64)| {
+            let echoes = 2.0 * snr * pulse(n.into()).iter().sum::<f64>();
+            (100.0 + echoes + 2.0 * z).round()
+        };
+        ((0..).zip(noise).map(sample).collect(), walls)
+    };
+    (0..records).map(record).collect()
+}
+
+#[test]
+fn two_equal_walls_with_a_valley_between_them_are_two_echoes() {
+    for (width, snr, apart) in [8.0, 14.0].into_iter().flat_map(|width| {
+        [20.0, 26.0, 33.0, 60.0]
+            .into_iter()
+            .flat_map(move |snr| [1.5, 2.0, 2.5].map(|apart| (width, snr, apart)))
+    }) {
+        for records in [20, 60] {
+            let (rows, truth): (Vec<Vec<f64>>, Vec<[f64; 2]>) =
+                two_walls(width, snr, apart, records).into_iter().unzip();
+            let response = Response::of_waveforms(&rows, LEAST_ECHOES).ok();
+            let found = Finder::new(options(32)).with_response(response).find(&rows, &[]);
+            let mut extra = 0;
+            for (walls, waveform) in truth.iter().zip(&found) {
+                let times: Vec<f64> = waveform.echoes.iter().map(|echo| echo.time_ns).collect();
+                let is_found = |wall: &f64| times.iter().any(|t| (t - wall).abs() < 0.3 * width);
+                let context = format!("{width}, {snr}, {apart}, {records}: {times:?}, {walls:?}");
+                assert!(walls.iter().all(is_found), "{context}");
+                extra += times.len() - walls.len();
+            }
+            assert!(extra <= 1, "{width}, {snr}, {apart}, {records}: {extra} extra echoes");
+        }
+    }
+}

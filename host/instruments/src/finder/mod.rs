@@ -60,6 +60,8 @@ pub struct FinderConfig {
     pub echoes: usize,
     /// The emitted pulse, when it is known.
     pub pulse: Option<Pulse>,
+    /// True to take the pulse that fits best even where it hides clear tops.
+    pub best_fit: bool,
     /// Colour of the noise, where it is not white.
     pub colour: Option<Colour>,
 }
@@ -74,6 +76,7 @@ impl FinderConfig {
         min_separation: 1,
         echoes: MAX_CANDIDATES,
         pulse: None,
+        best_fit: false,
         colour: None,
     };
 
@@ -125,6 +128,8 @@ pub struct Threshold {
     pub view: usize,
     /// T/σ_z, Q.8, rounded down.
     pub snr: u32,
+    /// True when the pulse that fits the record best hides a clear top.
+    pub hides_top: bool,
 }
 
 /// Reason why a top above the threshold is no echo.
@@ -210,7 +215,7 @@ impl EchoFinder {
     ///
     /// ```text
     /// a, σ      as of Baseline;  x = code − a;  r below of the noise's colour, if it has one
-    /// pulse, view  as of Bank;  h = the view's filter
+    /// pulse, view  as of Bank;  h = the view's filter; with best_fit whatever tops it hides
     /// z         = x through Sharpener(h, lag = max(1, ⌊2/3 · pulse⌋), SHARPNESS);   σ_z = σ·r
     /// T         = max(k·σ_z, floor · max z, 1)                   Q1.15, nearest
     /// peaks     = peaks of z at or above T that stand out by rise(z); without ringing
@@ -236,7 +241,7 @@ impl EchoFinder {
         let pulse =
             search.pulse.map(|pulse| shift_round(pulse.width, 16).clamp(1, MARGIN as i64) as u32);
         let noise = RecordNoise { sigma: baseline.sigma, colour };
-        let scale = self.bank.scale(&self.padded, noise, pulse, &mut self.view);
+        let scale = self.bank.scale(&self.padded, noise, pulse, search.best_fit, &mut self.view);
         let Some(narrow) = self.bank.template(scale.view).cloned() else {
             return FoundEchoes::new();
         };
@@ -246,7 +251,7 @@ impl EchoFinder {
         let sigma = noise.after(sharpener.taps(), sharpener.noise_gain);
         let (peaks, level) = self.peaks(sigma, scale, search);
         let snr = ((i64::from(level) << 12) / i64::from(sigma.max(1))) as u32;
-        self.threshold = Threshold { view: scale.view, snr };
+        self.threshold = Threshold { view: scale.view, snr, hides_top: scale.hides_top };
         let mut found =
             self.place(&peaks, &Context { search, scale, narrow: &narrow, noise, sigma, level });
         keep_strongest(&mut found, search, &mut self.dropped);

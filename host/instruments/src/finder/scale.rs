@@ -7,7 +7,9 @@ use heapless::Vec;
 
 use super::colour::Colour;
 use echoloop_dsp::filter::{self, PADDING};
+use echoloop_dsp::peak::Peaks;
 use echoloop_dsp::q::shift_round;
+use echoloop_dsp::split::prominent_peaks;
 use echoloop_dsp::template::Template;
 use echoloop_dsp::{MAX_SAMPLES, MAX_TAPS};
 
@@ -69,12 +71,15 @@ impl Default for Padded {
 /// ```text
 /// y_W     = x through the sin² pulse of W samples                     as of Template
 /// S_W     = max y_W / (σ·r_W)
+/// n_W     = tops of y_W ≥ max(8·σ·r_W, ⌊max y_W / 5⌋) that stand out by max(8·σ·r_W, ⌊y/4⌋)
 /// pulse   = the first W with S_W ≥ 31/32 of the greatest              2W ≤ N or W = 2
+///           but not beyond the last W with the greatest n_W
 /// view    = the first W with max(100, 8·pulse)·σ·r_W ≤ max x, but not beyond pulse
 /// ```
 ///
-/// `σ·r_W` is Q13.19, nearest, `max x` Q1.15. The quotients are compared exactly. Why the least
-/// width, and why 100 and 8: benches/record/finder.md, Pulse and view.
+/// `σ·r_W` is Q13.19, nearest, 8 of it and `max x` Q1.15. The quotients are compared exactly. Why
+/// the least width, why tops are counted, and why 100 and 8: benches/record/finder.md, Pulse and
+/// view.
 #[derive(Clone, Debug)]
 pub struct Bank {
     templates: Vec<Template, { WIDTHS.len() }>,
@@ -109,6 +114,8 @@ pub struct Scale {
     pub pulse: u32,
     /// Index of the filter to look through.
     pub view: usize,
+    /// True when the pulse that fits best hides a clear top.
+    pub hides_top: bool,
 }
 
 impl Bank {
@@ -122,47 +129,83 @@ impl Bank {
         self.templates.get(index)
     }
 
-    /// Pulse and view of a record; `pulse`, samples, when it is known.
+    /// Pulse and view of a record; `pulse`, samples, when it is known. With `best_fit` it is the
+    /// first with S_W ≥ 31/32 of the greatest, whatever tops it hides.
     pub fn scale(
         &self,
         padded: &Padded,
         noise: RecordNoise<'_>,
         pulse: Option<u32>,
+        best_fit: bool,
         y: &mut [i16; MAX_SAMPLES],
     ) -> Scale {
-        let pulse = pulse.unwrap_or_else(|| self.best(padded, noise, y)).max(1);
+        let (pulse, hides_top) = match pulse {
+            Some(pulse) => (pulse.max(1), false),
+            None => {
+                let [best, widest] = self.widths(padded, noise, y);
+                (if best_fit { best } else { best.min(widest) }, widest < best)
+            }
+        };
         let highest = padded.x().iter().copied().max().unwrap_or_default();
         let factor = i64::from(pulse).min(MARGIN as i64) * 8;
         let quiet = |t: &Template| factor.max(100) * i64::from(noise.after(t.taps(), t.noise_gain));
         let enough =
             |(t, &width): (&Template, &u32)| width >= pulse || quiet(t) <= i64::from(highest) << 4;
         let view = self.templates.iter().zip(&WIDTHS).position(enough).unwrap_or(WIDTHS.len() - 1);
-        Scale { pulse, view }
+        Scale { pulse, view, hides_top }
     }
 
-    /// Least width whose SNR is at least 31/32 of the best, samples.
-    fn best(&self, padded: &Padded, noise: RecordNoise<'_>, y: &mut [i16; MAX_SAMPLES]) -> u32 {
-        let mut heights: Vec<(i64, i64, u32), { WIDTHS.len() }> = Vec::new();
+    /// Least width whose SNR is at least 31/32 of the best, and the greatest that hides no clear top
+    /// of another, samples: the filter that fits two echoes best may be as wide as both.
+    fn widths(
+        &self,
+        padded: &Padded,
+        noise: RecordNoise<'_>,
+        y: &mut [i16; MAX_SAMPLES],
+    ) -> [u32; 2] {
+        let mut seen: Vec<Seen, { WIDTHS.len() }> = Vec::new();
         for (template, &width) in self.templates.iter().zip(&WIDTHS) {
             if width > 2 && 2 * width as usize > padded.x().len() {
                 break;
             }
-            let top = padded
-                .filter(template.taps_in_pairs(), y)
-                .iter()
-                .copied()
-                .max()
-                .unwrap_or_default();
+            let y = padded.filter(template.taps_in_pairs(), y);
+            let sigma = noise.after(template.taps(), template.noise_gain);
             // Never full: its capacity is the number of widths.
-            let _ = heights.push((i64::from(top), i64::from(noise.gain(template)), width));
+            let _ = seen.push(Seen::of(y, sigma, noise.gain(template), width));
         }
-        let best = heights
-            .iter()
-            .copied()
-            .reduce(|a, b| if b.0 * a.1 > a.0 * b.1 { b } else { a })
-            .unwrap_or((0, 1, 2));
-        let nearly = |&&(top, gain, _): &&(i64, i64, u32)| 32 * top * best.1 >= 31 * best.0 * gain;
-        heights.iter().find(nearly).map_or(2, |&(_, _, width)| width)
+        let best = seen.iter().reduce(|a, b| if b.exceeds(a) { b } else { a });
+        let nearly = |s: &&Seen| best.is_some_and(|b| 32 * s.top * b.gain >= 31 * b.top * s.gain);
+        let first = seen.iter().find(nearly);
+        let widest = seen.iter().max_by_key(|s| s.tops);
+        [first, widest].map(|seen| seen.map_or(2, |s| s.width))
+    }
+}
+
+/// A record through a filter.
+struct Seen {
+    /// Highest value, Q1.15.
+    top: i64,
+    /// Noise gain, Q1.15.
+    gain: i64,
+    width: u32,
+    /// Number of clear tops.
+    tops: usize,
+}
+
+impl Seen {
+    /// `sigma`: noise after the filter, Q13.19.
+    fn of(y: &[i16], sigma: u32, gain: u16, width: u32) -> Self {
+        let top = y.iter().copied().max().unwrap_or_default();
+        let least = shift_round(i64::from(sigma), 1).min(0x7fff) as i16;
+        let mut tops = Peaks::new();
+        let rise = |y: i16| i32::from(least.max(y >> 2));
+        prominent_peaks(y.iter().copied(), 0, least.max(top / 5), rise, &mut tops);
+        Self { top: top.into(), gain: gain.into(), width, tops: tops.len() }
+    }
+
+    /// True when its SNR is higher.
+    fn exceeds(&self, other: &Self) -> bool {
+        self.top * other.gain > other.top * self.gain
     }
 }
 

@@ -260,15 +260,29 @@ pub(super) fn all_turns(curve: &[Later]) -> Vec<Later> {
     found
 }
 
-/// Records with a strong lone echo, from some of the rows.
+/// Share of records in which the pulse that fits best hides a clear top, from which on all stand
+/// before the same targets: fewer leave the narrowest tenth, of which a response is.
+const SAME_TARGETS: f64 = 0.9;
+
+/// Records with a strong lone echo, from some of the rows. A lobe of two targets is one wide echo,
+/// which no response is estimated from, unless it is as wide in almost every record.
 fn strong(
     rows: usize,
     codes: impl Fn(usize) -> Codes + Sync,
     colour: Option<Colour>,
 ) -> Vec<Strong> {
-    let finder = || Box::new(EchoFinder::new());
-    let look = |finder: &mut Box<EchoFinder>, row| Strong::of_record(finder, &codes(row), colour);
-    let looked = evenly_spaced(rows);
-    let found: Vec<Option<Strong>> = looked.into_par_iter().map_init(finder, look).collect();
-    found.into_iter().flatten().collect()
+    let found = |best_fit: bool| -> Vec<Strong> {
+        let finder = || Box::new(EchoFinder::new());
+        let look = |finder: &mut Box<EchoFinder>, row| {
+            Strong::of_record(finder, &codes(row), colour, best_fit)
+        };
+        let looked = evenly_spaced(rows).into_par_iter().map_init(finder, look);
+        looked.collect::<Vec<_>>().into_iter().flatten().collect()
+    };
+    let records = found(true);
+    let hiding = records.iter().filter(|strong| strong.hides_top).count();
+    match hiding as f64 > SAME_TARGETS * records.len() as f64 {
+        true => found(false),
+        false => records,
+    }
 }

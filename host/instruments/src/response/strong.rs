@@ -24,6 +24,8 @@ pub(super) struct Strong {
     pub(super) width: f64,
     /// Lags from it of the other echoes that are at least a fifth as high, samples.
     pub(super) others: Vec<f64>,
+    /// True when the pulse that fits the record best hides a clear top.
+    pub(super) hides_top: bool,
 }
 
 /// Least SNR of an echo that shows the response, Q.8.
@@ -31,14 +33,16 @@ const LEAST_SNR: u32 = 20 << 8;
 
 impl Strong {
     /// A record whose strongest echo stands alone, whole and clear of noise; else `None`. Only its
-    /// first [`MAX_SAMPLES`] are searched.
+    /// first [`MAX_SAMPLES`] are searched; `best_fit` as of [`FinderConfig`].
     pub(super) fn of_record(
         finder: &mut EchoFinder,
         codes: &Codes,
         colour: Option<Colour>,
+        best_fit: bool,
     ) -> Option<Self> {
         let first = beginning(codes);
-        let echoes = finder.echoes(first, &FinderConfig::of_record(codes, colour));
+        let echoes = finder
+            .echoes(first, &FinderConfig { best_fit, ..FinderConfig::of_record(codes, colour) });
         let best = echoes.iter().max_by_key(|echo| echo.amplitude)?;
         let unfit = Flags::SATURATED | Flags::TRUNCATED | Flags::MERGED;
         if best.flags.0 & unfit.0 != 0 || best.snr < LEAST_SNR || !codes.gaps.is_empty() {
@@ -55,6 +59,7 @@ impl Strong {
             height: codes.of_height(best.amplitude),
             width: samples(best.width),
             others: high().map(lag).filter(|lag| *lag != 0.0).collect(),
+            hides_top: finder.threshold().hides_top,
         })
     }
 
