@@ -399,6 +399,7 @@ fn record(draw: &mut Draw<'_>) {
         echoes,
         pulse,
         colour,
+        sigma: (draw.below(2) == 0).then(|| draw.word()),
         best_fit: draw.below(2) == 0,
     };
     let codes = draw.codes();

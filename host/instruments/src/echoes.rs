@@ -203,13 +203,15 @@ impl Finder {
     ) -> Waveform {
         let known = pulse.or_else(|| self.known_pulse());
         let width = known.map(|pulse| samples(pulse.width));
-        let mut rest = at_rest(codes, self.colour());
+        let own = at_rest(codes, self.colour(), None);
+        let sigma = self.known_sigma(codes, own.1);
+        let mut rest = sigma.map_or(own, |sigma| at_rest(codes, self.colour(), Some(sigma)));
         let levelled = background::levelled(finder, codes, rest.1, width, self.colour());
         let (codes, change) = levelled.as_ref().map_or((codes, 0.0), |(codes, by)| (codes, *by));
         if levelled.is_some() {
-            rest = at_rest(codes, self.colour());
+            rest = at_rest(codes, self.colour(), sigma);
         }
-        let search = self.search(codes.shift, known);
+        let search = FinderConfig { sigma, ..self.search(codes.shift, known) };
         let (mut false_alarms, mut tops) = (0.0, Tops::default());
         pieces(finder, &codes.codes, &search, &mut tops, |samples, threshold| {
             let snr = f64::from(threshold.snr) / 256.0;
@@ -307,6 +309,13 @@ impl Finder {
     fn known_pulse(&self) -> Option<Pulse> {
         let width = PULSE_OF_RESPONSE * self.response.as_ref()?.width();
         Some(Pulse { width: from_samples(width), ..Pulse::default() })
+    }
+
+    /// σ of a record's samples, Q13.19, where the recording tells it better than the record, whose
+    /// own estimate is `own` codes.
+    fn known_sigma(&self, codes: &Codes, own: f64) -> Option<u32> {
+        let sigma = self.noise.as_ref()?.of_record(own * codes.unit)?;
+        Some((16.0 * codes.scale() * sigma / codes.unit).round() as u32)
     }
 
     /// Colour of the noise, where it is not white.

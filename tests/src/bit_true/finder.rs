@@ -47,7 +47,7 @@ fn q16(samples: f64) -> f64 {
 }
 
 /// Ambient level (Q1.15) and noise (Q13.19) of a record.
-fn rest(codes: &[f64], code: f64, colour: Option<&Colour>) -> (f64, f64) {
+fn rest(codes: &[f64], code: f64, search: &FinderConfig) -> (f64, f64) {
     let differences: Vec<f64> = codes.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
     let median = Order::from_values(differences.clone()).middle;
     let deviations: Vec<f64> = differences.iter().map(|d| (d - median).abs()).collect();
@@ -66,7 +66,9 @@ fn rest(codes: &[f64], code: f64, colour: Option<&Colour>) -> (f64, f64) {
         n => nearest(order[(n - 1) / 4] * fine * 83_977.0 / 65_536.0),
     };
     let white = nearest(of_differences * 26_755.0 / 65_536.0).min(by_quarter).max(quantisation);
-    let sigma = colour.map_or(white, |colour| nearest(white * f64::from(colour.ratio) / 256.0));
+    let of_colour = |colour: &Colour| nearest(white * f64::from(colour.ratio) / 256.0);
+    let own = search.colour.as_ref().map_or(white, of_colour);
+    let sigma = search.sigma.map_or(own, f64::from);
     let mut order = codes.to_vec();
     order.sort_by(f64::total_cmp);
     let one_sigma = nearest(sigma / 16.0);
@@ -384,8 +386,7 @@ struct Record<'a> {
 impl<'a> Record<'a> {
     fn new(codes: &[f64], search: &'a FinderConfig) -> Self {
         let code = f64::from(1u32 << search.code_shift);
-        let colour = search.colour.as_ref();
-        let (ambient, sigma) = rest(codes, code, colour);
+        let (ambient, sigma) = rest(codes, code, search);
         let x: Vec<f64> = codes.iter().map(|c| c * code - ambient).collect();
         let mut bank: Vec<Template> =
             WIDTHS.iter().map(|&width| Template::sin_squared(width * 1000, 1_000_000)).collect();

@@ -231,7 +231,7 @@ fn the_estimated_response_has_the_width_and_bumps_of_the_instrument() {
 }
 
 /// Records at rest: noise through a Gaussian of σ `correlation` samples; 0 is white.
-fn at_rest(seed: u64, records: u64, correlation: f64) -> Vec<Vec<f64>> {
+fn at_rest(seed: u64, records: u64, length: usize, correlation: f64) -> Vec<Vec<f64>> {
     let half = (4.0 * correlation).ceil() as i32;
     let tap = |k: i32| match half {
         0 => 1.0,
@@ -241,7 +241,7 @@ fn at_rest(seed: u64, records: u64, correlation: f64) -> Vec<Vec<f64>> {
     let energy = taps.iter().map(|tap| tap * tap).sum::<f64>().sqrt();
     let value = |piece: &[f64]| piece.iter().zip(&taps).map(|(x, tap)| x * tap).sum::<f64>();
     let record = |n| {
-        let white = Generator::new(seed, n).normals(800 + taps.len() - 1);
+        let white = Generator::new(seed, n).normals(length + taps.len() - 1);
         white.windows(taps.len()).map(|w| (300.0 + 8.0 / energy * value(w)).round()).collect()
     };
     (0..records).map(record).collect()
@@ -250,7 +250,7 @@ fn at_rest(seed: u64, records: u64, correlation: f64) -> Vec<Vec<f64>> {
 #[test]
 fn noise_of_any_colour_makes_as_many_echoes_as_is_said() {
     for (seed, correlation) in [(1, 0.0), (2, 0.6), (3, 1.0), (4, 2.5)] {
-        let rows = at_rest(seed, 600, correlation);
+        let rows = at_rest(seed, 600, 800, correlation);
         let noise = Noise::of_waveforms(&rows).expect("rest");
         assert!((noise.sigma / 8.0 - 1.0).abs() < 0.03, "{correlation}: {}", noise.sigma);
         assert_eq!(noise.is_coloured(), correlation > 0.0);
@@ -260,6 +260,21 @@ fn noise_of_any_colour_makes_as_many_echoes_as_is_said() {
         let said: f64 = found.iter().map(|w| w.false_alarms).sum();
         // Of some 80 echoes; three standard errors are a third.
         assert!((0.67..1.5).contains(&(echoes / said)), "{correlation}: {echoes} for {said}");
+    }
+}
+
+#[test]
+fn short_records_of_noise_alone_have_hardly_more_echoes_than_is_said() {
+    for length in [30, 60, 120] {
+        let rows = at_rest(5, 4_000, length, 0.0);
+        let noise = Noise::of_waveforms(&rows).expect("rest");
+        let search = Options { snr: 4.0, floor: 0.0, ..options(32) };
+        let found = Finder::new(search).with_noise(Some(noise)).find(&rows, &[]);
+        let echoes: f64 = found.iter().map(|w| w.echoes.len() as f64).sum();
+        let said: f64 = found.iter().map(|w| w.false_alarms).sum();
+        println!("{length} samples: {echoes} for {said:.1}");
+        // By each record's own noise alone 120, 9 and 3 times as many.
+        assert!(echoes < 3.5 * said, "{length}: {echoes} for {said}");
     }
 }
 

@@ -136,6 +136,7 @@ fn record(seed: u64) -> (Vec<u16>, FinderConfig) {
         min_separation: rng.random_range(0..9),
         echoes: if seed.is_multiple_of(5) { 2 } else { FinderConfig::DEFAULT.echoes },
         pulse,
+        sigma: seed.is_multiple_of(11).then(|| rng.random_range(0..4_000)),
         best_fit: seed.is_multiple_of(7),
         colour: seed.is_multiple_of(4).then(|| colour(&mut rng)),
     };

@@ -38,6 +38,15 @@ pub struct Baseline {
     pub sigma: u32,
 }
 
+/// What is known of a record's noise.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct KnownNoise<'a> {
+    /// Its colour; the σ of white noise is multiplied by its c.
+    pub colour: Option<&'a Colour>,
+    /// Its σ, Q13.19, which is not measured then.
+    pub sigma: Option<u32>,
+}
+
 /// 1/√6, σ of one sample over that of a second difference: Q0.16, nearest.
 const SECOND_DIFFERENCE_TO_SIGMA: i64 = 26_755;
 
@@ -55,10 +64,11 @@ const QUANTISATION: i64 = 9_459;
 
 impl Baseline {
     /// Measures codes of at most 15 − `shift` bits. `order` is memory for at least as many codes.
-    /// The σ of white noise is multiplied by c of `colour`, where the noise has one.
-    pub fn measure(codes: &[u16], shift: u32, colour: Option<&Colour>, order: &mut [u16]) -> Self {
-        let white = noise(codes, shift, order);
-        let sigma = colour.map_or(white, |colour| colour.sigma(white));
+    pub fn measure(codes: &[u16], shift: u32, noise: KnownNoise<'_>, order: &mut [u16]) -> Self {
+        let sigma = noise.sigma.unwrap_or_else(|| {
+            let white = noise_of(codes, shift, order);
+            noise.colour.map_or(white, |colour| colour.sigma(white))
+        });
         let order = order.get_mut(..codes.len()).unwrap_or_default();
         order.copy_from_slice(codes);
         order.sort_unstable();
@@ -97,8 +107,8 @@ fn grouped_median(order: &[u16], shift: u32) -> i64 {
     (i64::from(code) << shift) - (1 << (shift - 1)) + offset
 }
 
-/// σ, Q13.19.
-fn noise(codes: &[u16], shift: u32, differences: &mut [u16]) -> u32 {
+/// σ of white noise, Q13.19.
+fn noise_of(codes: &[u16], shift: u32, differences: &mut [u16]) -> u32 {
     let mut count = 0;
     for (d, around) in differences.iter_mut().zip(codes.windows(3)) {
         if let &[before, here, after] = around {
@@ -133,7 +143,7 @@ mod tests {
     use super::*;
 
     fn baseline(codes: &[u16]) -> Baseline {
-        Baseline::measure(codes, 3, None, &mut [0; 100])
+        Baseline::measure(codes, 3, KnownNoise::default(), &mut [0; 100])
     }
 
     #[test]

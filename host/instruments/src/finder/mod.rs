@@ -29,7 +29,7 @@ use core::cmp::Reverse;
 use heapless::Vec;
 
 use crate::codes::Codes;
-use baseline::Baseline;
+use baseline::{Baseline, KnownNoise};
 use colour::Colour;
 use components::{Component, Components, Fit};
 use echoloop_dsp::baseline::remove as remove_baseline;
@@ -60,6 +60,8 @@ pub struct FinderConfig {
     pub echoes: usize,
     /// The emitted pulse, when it is known.
     pub pulse: Option<Pulse>,
+    /// σ of a sample, Q13.19, when it is known.
+    pub sigma: Option<u32>,
     /// True to take the pulse that fits best even where it hides clear tops.
     pub best_fit: bool,
     /// Colour of the noise, where it is not white.
@@ -76,6 +78,7 @@ impl FinderConfig {
         min_separation: 1,
         echoes: MAX_CANDIDATES,
         pulse: None,
+        sigma: None,
         best_fit: false,
         colour: None,
     };
@@ -234,7 +237,8 @@ impl EchoFinder {
             return FoundEchoes::new();
         }
         let colour = search.colour.as_ref();
-        let baseline = Baseline::measure(codes, shift, colour, &mut self.order);
+        let known = KnownNoise { colour, sigma: search.sigma };
+        let baseline = Baseline::measure(codes, shift, known, &mut self.order);
         self.padded.fill(codes.len(), |x| {
             remove_baseline(codes, 0x7fff >> shift, shift, baseline.ambient, x)
         });

@@ -155,8 +155,8 @@ impl Bank {
         Scale { pulse, view, hides_top }
     }
 
-    /// Least width whose SNR is at least 31/32 of the best, and the greatest that hides no clear top
-    /// of another, samples: the filter that fits two echoes best may be as wide as both.
+    /// Least width whose SNR is at least 31/32 of the best, and the greatest that hides no clear
+    /// top, samples: the filter that fits two echoes best may be as wide as both.
     fn widths(
         &self,
         padded: &Padded,

@@ -3,7 +3,7 @@
 use echoloop_dsp::{Flags, MAX_SAMPLES};
 
 use crate::codes::Codes;
-use crate::finder::baseline::Baseline;
+use crate::finder::baseline::{Baseline, KnownNoise};
 use crate::finder::colour::Colour;
 use crate::finder::{EchoFinder, FinderConfig, FoundEcho, samples};
 
@@ -48,7 +48,7 @@ impl Strong {
         if best.flags.0 & unfit.0 != 0 || best.snr < LEAST_SNR || !codes.gaps.is_empty() {
             return None;
         }
-        let (x, sigma) = at_rest(codes, colour);
+        let (x, sigma) = at_rest(codes, colour, None);
         let high = || echoes.iter().filter(|echo| 5 * echo.amplitude > best.amplitude);
         let lag = |echo: &FoundEcho| samples(echo.time - best.time);
         Some(Self {
@@ -86,12 +86,16 @@ fn beginning(codes: &Codes) -> &[u16] {
     &codes.codes[..codes.codes.len().min(MAX_SAMPLES)]
 }
 
-/// Samples of a record minus its ambient, and their noise, codes. Ambient and noise are measured in
-/// its first [`MAX_SAMPLES`].
-pub(crate) fn at_rest(codes: &Codes, colour: Option<Colour>) -> (Vec<f64>, f64) {
+/// Samples of a record minus its ambient, and their noise, codes. Ambient and noise, if `sigma`,
+/// Q13.19, is not known, are measured in its first [`MAX_SAMPLES`].
+pub(crate) fn at_rest(
+    codes: &Codes,
+    colour: Option<Colour>,
+    sigma: Option<u32>,
+) -> (Vec<f64>, f64) {
     let piece = beginning(codes);
-    let baseline =
-        Baseline::measure(piece, codes.shift, colour.as_ref(), &mut vec![0; piece.len()]);
+    let noise = KnownNoise { colour: colour.as_ref(), sigma };
+    let baseline = Baseline::measure(piece, codes.shift, noise, &mut vec![0; piece.len()]);
     let ambient = codes.of_height(baseline.ambient.into());
     let x = codes.codes.iter().map(|&code| f64::from(code) - ambient);
     (x.collect(), codes.of_height(baseline.sigma.into()) / 16.0)
