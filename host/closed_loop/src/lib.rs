@@ -29,7 +29,7 @@
 //!
 //! let small = [
 //!     "scene.source=structured", "scene.towns=[1]", "scanner.pattern=grid", "scanner.columns=24",
-//!     "scanner.rows=8", "data.train_pairs=1", "data.test_pairs=1", "tune.generations=2",
+//!     "scanner.rows=8", "data.train_pairs=1", "data.test_pairs=1", "tune.generations=3",
 //!     "tune.population=3", "tune.shortlist=1",
 //! ];
 //! let overrides: Result<Vec<_>, _> = small.iter().map(|text| text.parse()).collect();

@@ -44,7 +44,7 @@ fn config(more: &[&str]) -> RunConfig {
         "data.train_pairs=4",
         "data.test_pairs=3",
         "data.baseline_m=0.5",
-        "tune.generations=3",
+        "tune.generations=4",
         "tune.population=6",
         "tune.pairs_per_generation=2",
         "tune.shortlist=2",
@@ -316,7 +316,7 @@ fn each_half_goes_on_from_the_other_s_winner() {
 #[test]
 fn the_paper_s_search_evaluates_all_pairs_and_takes_the_best_candidate() {
     let given = config(&["tune.strategy=paper"]).tune;
-    assert_eq!((given.pairs_per_generation, given.generations), (2, 3), "given keys stay");
+    assert_eq!((given.pairs_per_generation, given.generations), (2, 4), "given keys stay");
     let config = paper(&["tune.generations=2"]);
     assert_eq!((config.tune.error_cap, config.tune.error_mean), (0.0, ErrorMean::Arithmetic));
     let (_, tuned) = tuned(&config, 2);
@@ -384,7 +384,9 @@ fn each_part_is_searched_as_it_would_be_alone_and_its_winner_is_a_finalist() {
     let whole = config(&[MOVING]);
     let (_, both) = &*MOVED;
     for stage in ["lidar", "registration"] {
-        let half = config(&[&format!("tune.protocol={stage}"), MOVING]);
+        // Alone it has twice the generations.
+        let protocol = format!("tune.protocol={stage}");
+        let half = config(&[&protocol, "tune.generations=3", MOVING]);
         let (_, alone) = tuned(&half, 2);
         let of_half = both.generations.iter().filter(|generation| generation.stage == stage);
         let of_half: Vec<&Generation> = of_half.collect();
@@ -531,7 +533,7 @@ fn when_registration_keeps_its_start_the_sensor_goes_on_from_its_own_winner() {
 
 #[test]
 fn two_candidates_of_each_stage_s_later_generations_are_finalists() {
-    let (_, tuned) = tuned(&config(&["tune.generations=4", MOVING]), 2);
+    let (_, tuned) = tuned(&config(&["tune.generations=6", MOVING]), 2);
     for stage in OF_BOTH {
         let own = tuned.generations.iter().filter(|generation| generation.stage == stage);
         let own: Vec<u32> = own.map(|generation| generation.generation).collect();
@@ -593,7 +595,7 @@ fn another_seed_gives_another_search() {
 
 #[test]
 fn every_candidate_is_recorded_with_the_sensor_s_hash_of_its_settings() {
-    let config = config(&["tune.generations=2", "tune.objective=error"]);
+    let config = config(&["tune.generations=3", "tune.objective=error"]);
     let (_, tuned) = tuned(&config, 2);
     let search = search(&config);
     let mut sensor = Sensor::in_process(&Model::from(&config)).expect("a sensor");
@@ -618,7 +620,7 @@ fn every_candidate_is_recorded_with_the_sensor_s_hash_of_its_settings() {
 #[test]
 fn every_recorded_error_is_that_of_a_training_pair_with_the_noise_of_the_recipe() {
     for (common, own) in [("tune.common_noise=true", 0), ("tune.common_noise=false", 1)] {
-        let config = config(&[common, "tune.generations=2"]);
+        let config = config(&[common, "tune.generations=3"]);
         let (_, tuned) = tuned(&config, 2);
         let search = search(&config);
         // Each half draws as it would alone, in turns; the others go on after both.

@@ -26,8 +26,8 @@ section! {
         sampler: Sampler, "", Sampler::BOUNDS,
             "How candidates are drawn: by `cma-es`, or `random`, to compare with.";
         generations: u32, "generations", Bounds::between(1.0, 1e5),
-            "Generations of a search of one half, or of each half; a stage that goes on from a \
-             winner has half as many.";
+            "Generations of a search of one half. In a search of both each half has two thirds of \
+             them, and a stage that goes on from a winner one third.";
         registrations: usize, "registrations", Bounds::zero_or("by generations", 1.0, 1e9),
             "Instead of `generations`: about as many registrations, whatever is tuned, so that \
              protocols can be compared. The final selection takes some more.";
@@ -109,7 +109,7 @@ impl TuneConfig {
             error_cap: 1.0,
             common_noise: true,
             sigma: 0.2,
-            survey: 32,
+            survey: 16,
             shortlist: 4,
             objective: Objective::Weighted,
             minimise: None,

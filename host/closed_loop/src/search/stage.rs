@@ -98,11 +98,11 @@ pub fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> Vec<Sta
         return Vec::new();
     }
     if is_staged && is_joint {
-        let few = generations.div_ceil(2);
+        let [each, few] = [(2 * generations).div_ceil(3), generations.div_ceil(3)];
         let first = Place::default();
         let halves = [
-            plan.stage("lidar", lidar.clone(), (generations, SHARES[0]), first),
-            plan.stage("registration", registration.clone(), (generations, SHARES[1]), first),
+            plan.stage("lidar", lidar.clone(), (each, SHARES[0]), first),
+            plan.stage("registration", registration.clone(), (each, SHARES[1]), first),
         ];
         let second = first.after_all(&halves);
         let again = [
@@ -112,7 +112,7 @@ pub fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> Vec<Sta
         let third = second.after_all(&again);
         let finer = [plan.stage("registration last", registration, (few, SHARES[4]), third)];
         let both =
-            [plan.stage("joint", all, (last.div_ceil(2), SHARES[5]), third.after_all(&finer))];
+            [plan.stage("joint", all, (last.div_ceil(3), SHARES[5]), third.after_all(&finer))];
         return halves.into_iter().chain(again).chain(finer).chain(both).collect();
     }
     let [name, again] = match (lidar.is_empty(), registration.is_empty()) {
