@@ -39,8 +39,9 @@ const BESIDE: f64 = 0.6;
 ///                   else the heights of the echoes differ, and its level does not: σ ≤ level/4
 ///                   where a tenth of the records has other echoes: 90 % over 10 % of the heights
 ///                   ≥ 1.3, level ≤ 0.25; else ≥ 2, level ≤ 0.18
-/// taken out         h between the valleys on either side of another top: a line; of an earlier top
-///                   more than a tenth as high: the flank behind the top, turned round
+/// taken out         h between the valleys on either side of another top: a line, or the rising
+///                   flank, turned round, where that is lower; of an earlier top more than a tenth
+///                   as high: the flank behind the top, turned round
 /// spread            there, and everywhere after the lobe where heights do not differ, at most
 ///                   its median after the lobe
 /// ```
@@ -119,13 +120,17 @@ fn without_earlier(curve: &mut Curve, spread: &mut [f64]) -> Option<Later> {
     Some(Later { lag: top.lag, level: 1.0 / top.level })
 }
 
-/// Replaces the levels between two points by a line, and holds the spread there to the usual one.
+/// Replaces the levels between two points after the lobe by a line, but none higher than the rising
+/// flank, turned round: a top on the falling flank has raised the valley before it. Holds the spread
+/// there to the usual one.
 fn level_out(curve: &mut Curve, spread: &mut [f64], usual: f64, [from, to]: [Later; 2]) {
     let point = |lag: f64| (lag / curve.step).round() as usize + curve.zero;
     let (first, last) = (point(from.lag), point(to.lag));
     for k in first..=last.min(curve.values.len() - 1) {
         let share = (k - first) as f64 / (last - first).max(1) as f64;
-        curve.values[k] = from.level + share * (to.level - from.level);
+        let line = from.level + share * (to.level - from.level);
+        let rising = curve.zero.checked_sub(k - curve.zero).map_or(0.0, |k| curve.values[k]);
+        curve.values[k] = line.min(rising.max(to.level));
         if let Some(spread) = spread.get_mut(k) {
             *spread = spread.min(usual);
         }
