@@ -312,8 +312,11 @@ impl Finder {
     }
 
     /// σ of a record's samples, Q13.19, where the recording tells it better than the record, whose
-    /// own estimate is `own` codes.
+    /// own estimate is `own` codes. Of a longer record that is one of its first piece alone.
     fn known_sigma(&self, codes: &Codes, own: f64) -> Option<u32> {
+        if codes.codes.len() > MAX_SAMPLES {
+            return None;
+        }
         let sigma = self.noise.as_ref()?.of_record(own * codes.unit)?;
         Some((16.0 * codes.scale() * sigma / codes.unit).round() as u32)
     }

@@ -36,6 +36,10 @@ const FEWEST_PAIRS: u64 = 400;
 /// noise to count as white.
 const WHITE: Range<f64> = 0.9..1.1;
 
+/// Least ratio of the records' usual σ̂ to that of the quiet pieces where these are of others: of a
+/// channel with less noise.
+const ANOTHER: f64 = 1.5;
+
 /// Greatest ratio of D_k at the farthest quarter of the lags to that at the second: it still rises
 /// where what looks quiet is the flank of an echo.
 const SILL: f64 = 2.0;
@@ -54,10 +58,13 @@ pub struct Noise {
     spread: Option<f64>,
 }
 
-/// Greatest σ of the records' own estimates of their noise, over it, where all have the same: of n
-/// samples of white noise it is 1.2/√n, or 1.7/√n where n < 50.
-const ALIKE: f64 = 0.15;
-const ALIKE_OF_WHITE: f64 = 2.0;
+/// Greatest σ of the own estimates of records of n samples, over the noise, where all have one:
+/// that much over √n. Of white noise it is 1.2, or 1.7 where n < 50.
+const ALIKE: f64 = 2.0;
+const ALIKE_OF_COLOURED: f64 = 4.0;
+
+/// The same, of records of any length.
+const ALIKE_OF_ANY: f64 = 0.4;
 
 /// Greatest difference of a record's own estimate from the recording's noise, σ of the estimates.
 const OWN: f64 = 3.0;
@@ -121,12 +128,17 @@ impl Noise {
             if grown <= GROWTH * mean {
                 let own = own_sigmas(&looked, &codes);
                 let usual = is_long(&looked).then(|| own[own.len() / 2]);
-                let length = |l: &(usize, usize)| codes(l.0).codes.len() as f64;
-                let length = median(&mut looked.iter().map(length).collect::<Vec<_>>());
                 let noise = Self::of_differences(&differences(limit), window, usual)?;
-                // Short windows do not tell the σ of coloured noise well enough.
-                let is_told = noise.colour.is_none() || is_long(&looked);
-                let spread = is_told.then(|| spread_of_alike(&own, length)).flatten();
+                let most = match (noise.colour, is_long(&looked)) {
+                    (None, _) => ALIKE,
+                    (Some(_), true) => ALIKE_OF_COLOURED,
+                    // Short windows do not tell the σ of coloured noise well enough.
+                    (Some(_), false) => 0.0,
+                };
+                let length = |l: &(usize, usize)| codes(l.0).codes.len() as f64;
+                let length = median(&mut looked.par_iter().map(length).collect::<Vec<_>>());
+                let most = (most / length.sqrt()).min(ALIKE_OF_ANY);
+                let spread = Some(spread(&own)).filter(|spread| *spread <= most);
                 return Some(Self { spread, ..noise });
             }
         }
@@ -156,6 +168,7 @@ impl Noise {
         let last = (1..lags).rev().find(|&k| value(k).abs() > error(k)).unwrap_or(0);
         let correlation: Vec<f64> =
             (0..=last).map(|k| if k == 0 { 1.0 } else { value(k) }).collect();
+        let usual = usual.filter(|usual| *usual < ANOTHER * white.sqrt());
         let ratio = variance.sqrt() / usual.unwrap_or(white.sqrt());
         let colour = (!WHITE.contains(&ratio)).then(|| Colour::new(ratio, &correlation));
         let correlation = if colour.is_some() { correlation } else { vec![1.0] };
@@ -246,12 +259,9 @@ fn own_sigmas(looked: &[(usize, usize)], codes: impl Fn(usize) -> Codes + Sync) 
     own
 }
 
-/// σ of estimates in order over their median, by their lower half, as echoes only add; `None` where
-/// it is more than the same noise in records of `length` samples would give.
-fn spread_of_alike(own: &[f64], length: f64) -> Option<f64> {
-    let (low, middle) = (own[own.len() / 10], own[own.len() / 2]);
-    let spread = (1.0 - low / middle) / 1.28;
-    (spread <= ALIKE.max(ALIKE_OF_WHITE / length.sqrt())).then_some(spread)
+/// σ of estimates in order over their median, by their lower half, as echoes only add.
+fn spread(own: &[f64]) -> f64 {
+    (1.0 - own[own.len() / 10] / own[own.len() / 2]) / 1.28
 }
 
 /// True when most of the records (row and length) are long.

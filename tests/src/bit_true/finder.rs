@@ -6,7 +6,7 @@ use echoloop_dsp::template::Template;
 use echoloop_instruments::finder::colour::Colour;
 use echoloop_instruments::finder::components::SWEEPS;
 use echoloop_instruments::finder::gaussian::TABLE;
-use echoloop_instruments::finder::scale::WIDTHS;
+use echoloop_instruments::finder::scale::{STEADY, WIDTHS};
 use echoloop_instruments::finder::{FinderConfig, FoundEcho, Pulse, SHARPNESS};
 
 use super::numbers::{nearest, nearest_ratio};
@@ -140,9 +140,14 @@ fn scale(bank: &[Template], x: &[f64], sigma: f64, search: &FinderConfig) -> (f6
             prominent_peaks(y, 0, level, |y| least.max((y / 4.0).floor())).len()
         };
         let clear: Vec<usize> = seen.iter().zip(bank).map(|(y, t)| clear(y, t)).collect();
-        let most = clear.iter().max();
-        let last = (0..widths.len()).rfind(|&i| Some(&clear[i]) == most);
-        let widest = if search.best_fit { first } else { last.unwrap_or(0) };
+        let mut widest = None;
+        for last in STEADY - 1..widths.len() {
+            let is_steady = (last + 1 - STEADY..last).all(|i| clear[i] == clear[last]);
+            if is_steady && widest.is_none_or(|i: usize| clear[last] >= clear[i]) {
+                widest = Some(last);
+            }
+        }
+        let widest = if search.best_fit { first } else { widest.unwrap_or(first) };
         f64::from(widths[first.min(widest)])
     });
     let factor = (8.0 * pulse).max(100.0);

@@ -13,7 +13,9 @@ use std::ops::Range;
 use std::path::Path;
 
 use echoloop_instruments::response::LEAST_ECHOES;
-use echoloop_instruments::{Finder, Noise, Options, Response, Selection, parse_waveforms};
+use echoloop_instruments::{
+    Echo, Finder, Noise, Options, POSSIBLE_REPEAT, Response, Selection, parse_waveforms,
+};
 use echoloop_random::Generator;
 use echoloop_tests::instruments::{
     Instrument, KINDS, Kind, LocalMaxima, PROMINENT, Record, Score, VISIBLE,
@@ -278,6 +280,26 @@ fn short_records_of_noise_alone_have_hardly_more_echoes_than_is_said() {
     }
 }
 
+/// Echoes in blank rows, with the noise of all of them.
+fn false_echoes(rows: &[Vec<f64>]) -> usize {
+    let finder = Finder::new(options(32)).with_noise(Noise::of_waveforms(rows));
+    finder.find(rows, &[]).iter().map(|waveform| waveform.echoes.len()).sum()
+}
+
+#[test]
+fn channels_and_parts_of_a_record_with_more_noise_keep_their_own() {
+    let louder = |value: f64| 300.0 + 4.0 * (value - 300.0);
+    let mut channels = at_rest(6, 300, 800, 0.0);
+    channels.iter_mut().step_by(2).flatten().for_each(|value| *value = louder(*value));
+    let found = false_echoes(&channels);
+    assert!(found <= 3, "{found} false echoes of two channels");
+    let mut parts = at_rest(7, 60, 5_000, 0.0);
+    parts.iter_mut().flat_map(|row| &mut row[2_400..]).for_each(|value| *value = louder(*value));
+    let found = false_echoes(&parts);
+    // The pieces that hold the change itself; by the first part's noise there are thousands.
+    assert!(found <= 100, "{found} false echoes of long records");
+}
+
 #[test]
 fn noise_is_measured_where_no_echo_is() {
     for (name, kind) in KINDS {
@@ -296,17 +318,24 @@ fn noise_is_measured_where_no_echo_is() {
     }
 }
 
-/// Records of two equal walls: Gaussian pulses `apart` widths from each other.
-fn two_walls(width: f64, snr: f64, apart: f64, records: u64) -> Vec<(Vec<f64>, [f64; 2])> {
+/// Records of two walls, the second `level` times as bright: Gaussian pulses, `apart` widths from
+/// each other.
+fn two_walls(
+    width: f64,
+    snr: f64,
+    (apart, level): (f64, f64),
+    records: u64,
+) -> Vec<(Vec<f64>, [f64; 2])> {
     let sigma = width / (8.0 * std::f64::consts::LN_2).sqrt();
     let record = |seed: u64| {
         let mut random = Generator::new(seed, 0);
         let noise = random.normals(300);
         let first = random.range(80.0, 140.0);
         let walls = [first, first + apart * width];
-        let pulse = |n: f64| walls.map(|t| (-0.5 * ((n - t) / sigma).powi(2)).exp());
+        let pulse = |n: f64, wall: f64| (-0.5 * ((n - wall) / sigma).powi(2)).exp();
         let sample = |(n, z): (i32, f64)| {
-            let echoes = 2.0 * snr * pulse(n.into()).iter().sum::<f64>();
+            let n = f64::from(n);
+            let echoes = 2.0 * snr * (pulse(n, walls[0]) + level * pulse(n, walls[1]));
             (100.0 + echoes + 2.0 * z).round()
         };
         ((0..).zip(noise).map(sample).collect(), walls)
@@ -323,7 +352,7 @@ fn two_equal_walls_with_a_valley_between_them_are_two_echoes() {
     }) {
         for records in [20, 60] {
             let (rows, truth): (Vec<Vec<f64>>, Vec<[f64; 2]>) =
-                two_walls(width, snr, apart, records).into_iter().unzip();
+                two_walls(width, snr, (apart, 1.0), records).into_iter().unzip();
             let response = Response::of_waveforms(&rows, LEAST_ECHOES).ok();
             let found = Finder::new(options(32)).with_response(response).find(&rows, &[]);
             let mut extra = 0;
@@ -335,6 +364,22 @@ fn two_equal_walls_with_a_valley_between_them_are_two_echoes() {
                 extra += times.len() - walls.len();
             }
             assert!(extra <= 1, "{width}, {snr}, {apart}, {records}: {extra} extra echoes");
+        }
+    }
+}
+
+#[test]
+fn a_dim_second_wall_on_the_flank_of_the_first_in_every_record_is_kept_and_flagged() {
+    for level in [0.15, 0.2, 0.25, 0.4] {
+        let (rows, truth): (Vec<Vec<f64>>, Vec<[f64; 2]>) =
+            two_walls(8.0, 300.0, (1.5, level), 60).into_iter().unzip();
+        let response = Response::of_waveforms(&rows, LEAST_ECHOES).ok();
+        let found = Finder::new(options(32)).with_response(response).find(&rows, &[]);
+        for (walls, waveform) in truth.iter().zip(&found) {
+            let is_second = |echo: &&Echo| (echo.time_ns - walls[1]).abs() < 3.0;
+            let second = waveform.echoes.iter().find(is_second);
+            let flags = second.map(|echo| echo.flags.as_slice()).unwrap_or_default();
+            assert!(flags.contains(&POSSIBLE_REPEAT), "{level}: {:?}, {walls:?}", waveform.echoes);
         }
     }
 }

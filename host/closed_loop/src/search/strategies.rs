@@ -300,8 +300,8 @@ impl SearchRun<'_> {
         winner.ok_or_else(|| self.interrupted())
     }
 
-    /// Those of some finalists that have seen all pairs of an evaluator at the end of a race in
-    /// which only those fall out that are far behind.
+    /// Races some finalists on all pairs of an evaluator; only those far behind another fall out.
+    /// Returns those that have seen all pairs.
     fn raced_on(
         &self,
         (evaluator, fitness): (&Evaluator<'_>, &Fitness<'_>),

@@ -16,6 +16,9 @@ use echoloop_dsp::{MAX_SAMPLES, MAX_TAPS};
 /// Widths of the bank, samples, in ratios of about √2.
 pub const WIDTHS: [u32; 10] = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48];
 
+/// Number of neighbouring widths that have to show the same number of tops.
+pub const STEADY: usize = 3;
+
 /// Samples on either side of a waveform that the longest filter needs.
 pub const MARGIN: usize = MAX_TAPS / 2;
 
@@ -73,7 +76,8 @@ impl Default for Padded {
 /// S_W     = max y_W / (σ·r_W)
 /// n_W     = tops of y_W ≥ max(8·σ·r_W, ⌊max y_W / 5⌋) that stand out by max(8·σ·r_W, ⌊y/4⌋)
 /// pulse   = the first W with S_W ≥ 31/32 of the greatest              2W ≤ N or W = 2
-///           but not beyond the last W with the greatest n_W
+///           but not beyond the last of three neighbouring W with the same n_W, the greatest
+///           that three have
 /// view    = the first W with max(100, 8·pulse)·σ·r_W ≤ max x, but not beyond pulse
 /// ```
 ///
@@ -176,8 +180,12 @@ impl Bank {
         let best = seen.iter().reduce(|a, b| if b.exceeds(a) { b } else { a });
         let nearly = |s: &&Seen| best.is_some_and(|b| 32 * s.top * b.gain >= 31 * b.top * s.gain);
         let first = seen.iter().find(nearly);
-        let widest = seen.iter().max_by_key(|s| s.tops);
-        [first, widest].map(|seen| seen.map_or(2, |s| s.width))
+        // Tops of noise change with the width, those of echoes do not.
+        let is_steady = |around: &&[Seen]| around.iter().all(|s| s.tops == around[0].tops);
+        let steady = seen.windows(STEADY).filter(is_steady);
+        let widest = steady.filter_map(|around| around.last()).max_by_key(|s| s.tops);
+        let first = first.map_or(2, |s| s.width);
+        [first, widest.map_or(first, |s| s.width)]
     }
 }
 

@@ -121,8 +121,8 @@ fn without_earlier(curve: &mut Curve, spread: &mut [f64]) -> Option<Later> {
 }
 
 /// Replaces the levels between two points after the lobe by a line, but none higher than the rising
-/// flank, turned round: a top on the falling flank has raised the valley before it. Holds the spread
-/// there to the usual one.
+/// flank, turned round: a top on the falling flank has raised the valley before it. Holds the
+/// spread there to the usual one.
 fn level_out(curve: &mut Curve, spread: &mut [f64], usual: f64, [from, to]: [Later; 2]) {
     let point = |lag: f64| (lag / curve.step).round() as usize + curve.zero;
     let (first, last) = (point(from.lag), point(to.lag));

@@ -30,8 +30,8 @@ const AFTER: f64 = 12.0;
 /// End of the main lobe, pulse widths from the top.
 pub(super) const LOBE: f64 = 1.2;
 
-/// Greatest spread of an instrument's own beside its lobe, over its level, and the greatest after
-/// the lobe where it has hardly a level, over the height: drift and wide surfaces move that.
+/// Greatest spread of an instrument's own beside its lobe, over its level; and the greatest where
+/// it has hardly a level, over the height: drift and wide surfaces move that.
 const VARIES: f64 = 0.35;
 const LEAST_VARIED: f64 = 0.01;
 
@@ -62,9 +62,9 @@ impl Estimate {
     /// t, A     least squares against h within 0.8 widths; 3 rounds with h. In the second only the
     ///          half stays that differs least from h after its lobe: the others have more echoes
     /// spread   σ of the densest half of n, without noise · (1 + 2/√n); on the lobe, σ of the
-    ///          residuals of a fit of height, time and surface; before it at most 0.35·|h|: light
-    ///          does not come before the pulse; after it at most 0.35·max |h| within half a width,
-    ///          or 0.01
+    ///          residuals of a fit of height, time and surface; beside it at most 0.35·max |h|
+    ///          within half a width, or 0.01: before it without the lobe's, as light does not come
+    ///          before the pulse
     /// ```
     ///
     /// Where the densest half is wider than noise and a third of its level explain, the records
@@ -95,18 +95,17 @@ impl Estimate {
     /// Limits the spread beside the lobe to what the instrument's own can vary by, see
     /// [`Estimate::of`]; what varies more are other targets.
     fn limit_spread(&mut self) {
-        let Curve { ref values, width, .. } = self.curve;
+        let lobe = LOBE * self.curve.width;
         let reach = (PER_WIDTH / 2.0) as usize;
-        let highest = |levels: &[f64]| levels.iter().fold(0.0, |a: f64, level| a.max(level.abs()));
         for (point, spread) in self.spread.iter_mut().enumerate() {
-            let lag = self.curve.time(point);
-            if lag < -LOBE * width {
-                *spread = spread.min((VARIES * values[point].abs()).max(LEAST_VARIED));
-            } else if lag > LOBE * width {
-                let end = (point + reach + 1).min(values.len());
-                let level = highest(&values[point - reach..end]);
-                *spread = spread.min((VARIES * level).max(LEAST_VARIED));
+            let (lag, values) = (self.curve.time(point), &self.curve.values);
+            if lag.abs() <= lobe {
+                continue;
             }
+            let around = point.saturating_sub(reach)..(point + reach + 1).min(values.len());
+            let is_beside = |&k: &usize| lag > 0.0 || self.curve.time(k) < -lobe;
+            let level = around.filter(is_beside).map(|k| values[k].abs()).fold(0.0, f64::max);
+            *spread = spread.min((VARIES * level).max(LEAST_VARIED));
         }
     }
 

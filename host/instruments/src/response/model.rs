@@ -260,8 +260,8 @@ pub(super) fn all_turns(curve: &[Later]) -> Vec<Later> {
     found
 }
 
-/// Share of records in which the pulse that fits best hides a clear top, from which on all stand
-/// before the same targets: fewer leave the narrowest tenth, of which a response is.
+/// Share of the strong echoes that hide a clear top above which all may be of the same two targets.
+/// A response is estimated from echoes as narrow as the narrowest tenth, which fewer leave.
 const SAME_TARGETS: f64 = 0.9;
 
 /// Records with a strong lone echo, from some of the rows. A lobe of two targets is one wide echo,
@@ -281,8 +281,5 @@ fn strong(
     };
     let records = found(true);
     let hiding = records.iter().filter(|strong| strong.hides_top).count();
-    match hiding as f64 > SAME_TARGETS * records.len() as f64 {
-        true => found(false),
-        false => records,
-    }
+    if hiding as f64 > SAME_TARGETS * records.len() as f64 { found(false) } else { records }
 }
