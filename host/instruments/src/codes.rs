@@ -94,6 +94,11 @@ impl Codes {
         height as f64 / self.scale()
     }
 
+    /// Noise in Q13.19 in codes.
+    pub(super) fn of_sigma(&self, sigma: u32) -> f64 {
+        self.of_height(sigma.into()) / 16.0
+    }
+
     /// A height in Q1.15 in the input's units.
     pub fn to_units(&self, height: i64) -> f64 {
         (self.of_height(height) * self.unit).min(f64::MAX)

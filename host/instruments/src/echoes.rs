@@ -15,7 +15,7 @@ use super::finder::{
     Dropped, EchoFinder, FinderConfig, FoundEcho, Pulse, Reason, Threshold, from_samples, samples,
 };
 use super::noise::Noise;
-use super::response::{Candidate, Explained, Record, Response, Split, Verdict, at_rest};
+use super::response::{Candidate, Explained, Record, Response, Split, Verdict, at_rest, own_sigma};
 use super::rows::{Rows, without_padding};
 
 /// Settings of the search for echoes.
@@ -203,9 +203,9 @@ impl Finder {
     ) -> Waveform {
         let known = pulse.or_else(|| self.known_pulse());
         let width = known.map(|pulse| samples(pulse.width));
-        let own = at_rest(codes, self.colour(), None);
-        let sigma = self.known_sigma(codes, own.1);
-        let mut rest = sigma.map_or(own, |sigma| at_rest(codes, self.colour(), Some(sigma)));
+        let own = own_sigma(codes, self.colour());
+        let sigma = self.known_sigma(codes, own);
+        let mut rest = at_rest(codes, self.colour(), sigma.or(Some(own)));
         let levelled = background::levelled(finder, codes, rest.1, width, self.colour());
         let (codes, change) = levelled.as_ref().map_or((codes, 0.0), |(codes, by)| (codes, *by));
         if levelled.is_some() {
@@ -312,12 +312,13 @@ impl Finder {
     }
 
     /// σ of a record's samples, Q13.19, where the recording tells it better than the record, whose
-    /// own estimate is `own` codes. Of a longer record that is one of its first piece alone.
-    fn known_sigma(&self, codes: &Codes, own: f64) -> Option<u32> {
+    /// own estimate is `own`. Of a longer record that is one of its first piece alone.
+    fn known_sigma(&self, codes: &Codes, own: u32) -> Option<u32> {
         if codes.codes.len() > MAX_SAMPLES {
             return None;
         }
-        let sigma = self.noise.as_ref()?.of_record(own * codes.unit)?;
+        let own = codes.of_sigma(own) * codes.unit;
+        let sigma = self.noise.as_ref()?.of_record(own)?;
         Some((16.0 * codes.scale() * sigma / codes.unit).round() as u32)
     }
 

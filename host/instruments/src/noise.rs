@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::codes::Codes;
 use super::finder::colour::{Colour, LAGS};
 use super::finder::{EchoFinder, FinderConfig, FoundEcho, samples};
-use super::response::at_rest;
+use super::response::own_sigma;
 use super::response::robust::median;
 use super::rows::{Rows, evenly_spaced, without_padding};
 
@@ -252,7 +252,7 @@ fn searched(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Vec<(usize, u
 fn own_sigmas(looked: &[(usize, usize)], codes: impl Fn(usize) -> Codes + Sync) -> Vec<f64> {
     let sigma = |&(row, _): &(usize, usize)| {
         let codes = codes(row);
-        at_rest(&codes, None, None).1 * codes.unit
+        codes.of_sigma(own_sigma(&codes, None)) * codes.unit
     };
     let mut own: Vec<f64> = looked.par_iter().map(sigma).collect();
     own.sort_by(f64::total_cmp);

@@ -63,12 +63,15 @@ const SHORT: usize = 48;
 const QUANTISATION: i64 = 9_459;
 
 impl Baseline {
+    /// Measures σ alone, as [`Baseline::measure`] does.
+    pub fn sigma(codes: &[u16], shift: u32, colour: Option<&Colour>, order: &mut [u16]) -> u32 {
+        let white = noise_of(codes, shift, order);
+        colour.map_or(white, |colour| colour.sigma(white))
+    }
+
     /// Measures codes of at most 15 − `shift` bits. `order` is memory for at least as many codes.
     pub fn measure(codes: &[u16], shift: u32, noise: KnownNoise<'_>, order: &mut [u16]) -> Self {
-        let sigma = noise.sigma.unwrap_or_else(|| {
-            let white = noise_of(codes, shift, order);
-            noise.colour.map_or(white, |colour| colour.sigma(white))
-        });
+        let sigma = noise.sigma.unwrap_or_else(|| Self::sigma(codes, shift, noise.colour, order));
         let order = order.get_mut(..codes.len()).unwrap_or_default();
         order.copy_from_slice(codes);
         order.sort_unstable();

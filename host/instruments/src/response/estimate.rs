@@ -241,3 +241,22 @@ fn unexplained(strong: &Strong, family: &Family) -> Strong {
     part.add(family, -1.0, &mut left.x);
     left
 }
+
+#[cfg(test)]
+mod tests {
+    use echoloop_random::Generator;
+
+    use super::*;
+
+    #[test]
+    fn noise_alone_is_hardly_ever_a_spread_of_few_echoes() {
+        let spreads = (0..200).filter(|&seed| {
+            let noise = 0.03;
+            let values = Generator::new(seed, 0).normals(24).iter().map(|z| noise * z).collect();
+            most(values, 3.0, noise).1 > 0.0
+        });
+        // The spread of as many values is as often above as below their noise.
+        let found = spreads.count();
+        assert!(found < 50, "{found} of 200");
+    }
+}

@@ -86,6 +86,12 @@ fn beginning(codes: &Codes) -> &[u16] {
     &codes.codes[..codes.codes.len().min(MAX_SAMPLES)]
 }
 
+/// Noise of a sample, Q13.19, as the first [`MAX_SAMPLES`] of a record tell it.
+pub(crate) fn own_sigma(codes: &Codes, colour: Option<Colour>) -> u32 {
+    let piece = beginning(codes);
+    Baseline::sigma(piece, codes.shift, colour.as_ref(), &mut vec![0; piece.len()])
+}
+
 /// Samples of a record minus its ambient, and their noise, codes. Ambient and noise, if `sigma`,
 /// Q13.19, is not known, are measured in its first [`MAX_SAMPLES`].
 pub(crate) fn at_rest(
@@ -98,5 +104,5 @@ pub(crate) fn at_rest(
     let baseline = Baseline::measure(piece, codes.shift, noise, &mut vec![0; piece.len()]);
     let ambient = codes.of_height(baseline.ambient.into());
     let x = codes.codes.iter().map(|&code| f64::from(code) - ambient);
-    (x.collect(), codes.of_height(baseline.sigma.into()) / 16.0)
+    (x.collect(), codes.of_sigma(baseline.sigma))
 }
