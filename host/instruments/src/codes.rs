@@ -99,6 +99,11 @@ impl Codes {
         self.of_height(sigma.into()) / 16.0
     }
 
+    /// Noise in the input's units in Q13.19.
+    pub(super) fn sigma_of(&self, sigma: f64) -> u32 {
+        (16.0 * self.scale() * sigma / self.unit).round() as u32
+    }
+
     /// A height in Q1.15 in the input's units.
     pub fn to_units(&self, height: i64) -> f64 {
         (self.of_height(height) * self.unit).min(f64::MAX)

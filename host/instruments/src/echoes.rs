@@ -15,7 +15,7 @@ use super::finder::{
     Dropped, EchoFinder, FinderConfig, FoundEcho, Pulse, Reason, Threshold, from_samples, samples,
 };
 use super::noise::Noise;
-use super::response::{Candidate, Explained, Record, Response, Split, Verdict, at_rest, own_sigma};
+use super::response::{Candidate, Explained, Record, Response, Split, Verdict, at_rest};
 use super::rows::{Rows, without_padding};
 
 /// Settings of the search for echoes.
@@ -203,14 +203,15 @@ impl Finder {
     ) -> Waveform {
         let known = pulse.or_else(|| self.known_pulse());
         let width = known.map(|pulse| samples(pulse.width));
-        let own = own_sigma(codes, self.colour());
-        let sigma = self.known_sigma(codes, own);
-        let mut rest = at_rest(codes, self.colour(), sigma.or(Some(own)));
+        let sigma = self.known_sigma(codes);
+        let in_codes = |codes: &Codes| sigma.map(|sigma| codes.sigma_of(sigma));
+        let mut rest = at_rest(codes, self.colour(), in_codes(codes));
         let levelled = background::levelled(finder, codes, rest.1, width, self.colour());
         let (codes, change) = levelled.as_ref().map_or((codes, 0.0), |(codes, by)| (codes, *by));
         if levelled.is_some() {
-            rest = at_rest(codes, self.colour(), sigma);
+            rest = at_rest(codes, self.colour(), in_codes(codes));
         }
+        let sigma = in_codes(codes);
         let search = FinderConfig { sigma, ..self.search(codes.shift, known) };
         let (mut false_alarms, mut tops) = (0.0, Tops::default());
         pieces(finder, &codes.codes, &search, &mut tops, |samples, threshold| {
@@ -311,15 +312,11 @@ impl Finder {
         Some(Pulse { width: from_samples(width), ..Pulse::default() })
     }
 
-    /// σ of a record's samples, Q13.19, where the recording tells it better than the record, whose
-    /// own estimate is `own`. Of a longer record that is one of its first piece alone.
-    fn known_sigma(&self, codes: &Codes, own: u32) -> Option<u32> {
-        if codes.codes.len() > MAX_SAMPLES {
-            return None;
-        }
-        let own = codes.of_sigma(own) * codes.unit;
-        let sigma = self.noise.as_ref()?.of_record(own)?;
-        Some((16.0 * codes.scale() * sigma / codes.unit).round() as u32)
+    /// σ of a record's samples, in the file's units, where the recording tells it better than the
+    /// record. A longer record has pieces, each with its own.
+    fn known_sigma(&self, codes: &Codes) -> Option<f64> {
+        let noise = self.noise.as_ref().filter(|_| codes.codes.len() <= MAX_SAMPLES)?;
+        noise.of_record(codes)
     }
 
     /// Colour of the noise, where it is not white.

@@ -5,10 +5,11 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::codes::Codes;
+use super::finder::baseline::grouped_median;
 use super::finder::colour::{Colour, LAGS};
 use super::finder::{EchoFinder, FinderConfig, FoundEcho, samples};
-use super::response::own_sigma;
 use super::response::robust::median;
+use super::response::{beginning, own_sigma};
 use super::rows::{Rows, evenly_spaced, without_padding};
 
 /// Least length of most records of a long recording.
@@ -27,6 +28,9 @@ const BEGIN: usize = 20;
 /// Greatest number of rounds of that search, and least growth of the variance for another.
 const ROUNDS: usize = 30;
 const GROWTH: f64 = 1.01;
+
+/// Rounds in which the tops of coloured noise are told from echoes by what was measured before.
+const AGAIN: usize = 2;
 
 /// Fewest quiet windows, and pairs of samples at a lag, that tell the noise.
 const FEWEST_WINDOWS: usize = 8;
@@ -101,8 +105,25 @@ impl Noise {
     ///
     /// D_k is the variogram: unlike the autocovariance it needs no mean, which drifts.
     pub(crate) fn measured(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Option<Self> {
-        let looked: Vec<(usize, usize)> = searched(rows, &codes);
-        let window = if is_long(&looked) { WINDOW } else { SHORT_WINDOW };
+        let looked = searched(rows, &codes, None);
+        let mut noise = Self::measured_in(&looked, &codes)?;
+        for _ in 0..AGAIN {
+            if !noise.is_coloured() || is_long(&looked) {
+                break;
+            }
+            let again = searched(rows, &codes, Some(&noise));
+            let Some(better) = Self::measured_in(&again, &codes) else { break };
+            noise = better;
+        }
+        Some(noise)
+    }
+
+    /// As [`Noise::measured`], of rows and the end of the piece of each that may be quiet.
+    fn measured_in(
+        looked: &[(usize, usize)],
+        codes: impl Fn(usize) -> Codes + Sync,
+    ) -> Option<Self> {
+        let window = if is_long(looked) { WINDOW } else { SHORT_WINDOW };
         let all = |&(row, end): &(usize, usize)| {
             let codes = codes(row);
             windows(&codes, end, window).map(|at| variance(&codes, at)).collect::<Vec<f64>>()
@@ -126,15 +147,14 @@ impl Noise {
             let grown = variances[..more].iter().sum::<f64>() / more as f64;
             quiet = more.max(quiet);
             if grown <= GROWTH * mean {
-                let own = own_sigmas(&looked, &codes);
-                let usual = is_long(&looked).then(|| own[own.len() / 2]);
+                let white = own_sigmas(looked, |row| differing_sigma(&codes(row), None));
+                let usual = is_long(looked).then(|| white[white.len() / 2]);
                 let noise = Self::of_differences(&differences(limit), window, usual)?;
-                let most = match (noise.colour, is_long(&looked)) {
-                    (None, _) => ALIKE,
-                    (Some(_), true) => ALIKE_OF_COLOURED,
-                    // Short windows do not tell the σ of coloured noise well enough.
-                    (Some(_), false) => 0.0,
+                let own = match noise.is_coloured() {
+                    true => own_sigmas(looked, |row| noise.own_sigma(&codes(row))),
+                    false => white,
                 };
+                let most = if noise.is_coloured() { ALIKE_OF_COLOURED } else { ALIKE };
                 let length = |l: &(usize, usize)| codes(l.0).codes.len() as f64;
                 let length = median(&mut looked.par_iter().map(length).collect::<Vec<_>>());
                 let most = (most / length.sqrt()).min(ALIKE_OF_ANY);
@@ -207,13 +227,41 @@ impl Noise {
         Self { sigma: 0.0, correlation: vec![1.0], colour: None, spread: None }
     }
 
-    /// σ of the samples of a record whose own estimate is `own`, where all records have the same
-    /// noise and `own` may be an estimate of it. Both in the file's units.
+    /// σ of the samples of a record, in the file's units, where all records have the same noise and
+    /// the record does not tell that it differs.
     ///
     /// The own estimate of 60 samples is some 15 % off: through 5 σ that makes a hundred times as
     /// many false alarms as there should be.
-    pub(crate) fn of_record(&self, own: f64) -> Option<f64> {
-        ((own / self.sigma - 1.0).abs() <= OWN * self.spread?).then_some(self.sigma)
+    pub(crate) fn of_record(&self, codes: &Codes) -> Option<f64> {
+        let most = OWN * self.spread? * self.sigma;
+        match self.own_sigma(codes) - self.sigma {
+            less if less < -most => None,
+            // More noise, or echoes: these raise what lies farther apart, and hardly neighbours.
+            more if more > most => Some(self.sigma.max(differing_sigma(codes, self.colour))),
+            _ => Some(self.sigma),
+        }
+    }
+
+    /// σ of a record's samples as it alone tells it, in the file's units.
+    ///
+    /// ```text
+    /// σ = median |x[n + k] − x[n]|/(0.6745·√(2 − 2·ρ_k))     coloured; the least k: ρ_k < ½
+    /// ```
+    ///
+    /// Second differences of coloured noise are hardly more than a code, and their median a step.
+    fn own_sigma(&self, codes: &Codes) -> f64 {
+        if !self.is_coloured() {
+            return differing_sigma(codes, None);
+        }
+        let all = &self.correlation;
+        let lag = all.iter().position(|rho| *rho < 0.5).unwrap_or(all.len());
+        let alike = all.get(lag).copied().unwrap_or_default();
+        let piece = beginning(codes);
+        let pairs = piece.iter().zip(piece.get(lag..).unwrap_or_default());
+        let mut apart: Vec<u16> = pairs.map(|(&a, &b)| a.abs_diff(b)).collect();
+        apart.sort_unstable();
+        let median = codes.of_height(grouped_median(&apart, codes.shift)) * codes.unit;
+        median / (0.6745 * (2.0 - 2.0 * alike).sqrt())
     }
 
     /// True when neighbouring samples are correlated.
@@ -229,7 +277,11 @@ fn highest_of(freedom: f64) -> f64 {
 }
 
 /// Rows that are looked at, and the end of the piece of each that may be quiet.
-fn searched(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Vec<(usize, usize)> {
+fn searched(
+    rows: usize,
+    codes: impl Fn(usize) -> Codes + Sync,
+    noise: Option<&Noise>,
+) -> Vec<(usize, usize)> {
     let looked = evenly_spaced(rows);
     let length = |&row: &usize| (row, codes(row).codes.len());
     let lengths: Vec<(usize, usize)> = looked.par_iter().map(length).collect();
@@ -239,7 +291,10 @@ fn searched(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Vec<(usize, u
     let rest = |finder: &mut Box<EchoFinder>, &(row, length): &(usize, usize)| {
         let codes = codes(row);
         // Coloured noise has clear tops, too.
-        let search = FinderConfig { best_fit: true, ..FinderConfig::of_record(&codes, None) };
+        let colour = noise.and_then(|noise| noise.colour);
+        let sigma = noise.map(|noise| codes.sigma_of(noise.sigma));
+        let search =
+            FinderConfig { best_fit: true, sigma, ..FinderConfig::of_record(&codes, colour) };
         let echoes = finder.echoes(&codes.codes, &search);
         let width = echoes.iter().max_by_key(|echo| echo.amplitude).map_or(0, |echo| echo.width);
         let rest = |echo: &FoundEcho| samples(echo.top) - BEFORE * samples(width);
@@ -248,15 +303,16 @@ fn searched(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Vec<(usize, u
     lengths.par_iter().map_init(|| Box::new(EchoFinder::new()), rest).collect()
 }
 
-/// The records' σ̂ in order, in the file's units.
-fn own_sigmas(looked: &[(usize, usize)], codes: impl Fn(usize) -> Codes + Sync) -> Vec<f64> {
-    let sigma = |&(row, _): &(usize, usize)| {
-        let codes = codes(row);
-        codes.of_sigma(own_sigma(&codes, None)) * codes.unit
-    };
-    let mut own: Vec<f64> = looked.par_iter().map(sigma).collect();
+/// Estimates of σ of the records, in order.
+fn own_sigmas(looked: &[(usize, usize)], of: impl Fn(usize) -> f64 + Sync) -> Vec<f64> {
+    let mut own: Vec<f64> = looked.par_iter().map(|&(row, _)| of(row)).collect();
     own.sort_by(f64::total_cmp);
     own
+}
+
+/// σ of a record by its second differences, as the finder sees it, in the file's units.
+fn differing_sigma(codes: &Codes, colour: Option<Colour>) -> f64 {
+    codes.of_sigma(own_sigma(codes, colour)) * codes.unit
 }
 
 /// σ of estimates in order over their median, by their lower half, as echoes only add.

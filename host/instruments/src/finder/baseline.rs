@@ -102,7 +102,7 @@ fn densest(order: &[u16], shift: u32, sigma: i64) -> Option<i64> {
 }
 
 /// m of sorted codes, Q1.15.
-fn grouped_median(order: &[u16], shift: u32) -> i64 {
+pub(crate) fn grouped_median(order: &[u16], shift: u32) -> i64 {
     let Some(&code) = order.get(order.len().saturating_sub(1) / 2) else { return 0 };
     let below = order.partition_point(|&c| c < code);
     let at = order.partition_point(|&c| c <= code) - below;

@@ -25,4 +25,4 @@ pub use estimate::LEAST_ECHOES;
 pub(super) use explain::{Candidate, Explained, Record, Verdict};
 pub(super) use hidden::Split;
 pub use model::{Later, NoResponse, Response};
-pub(super) use strong::{at_rest, own_sigma};
+pub(super) use strong::{at_rest, beginning, own_sigma};

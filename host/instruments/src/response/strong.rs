@@ -82,7 +82,7 @@ impl Strong {
 }
 
 /// The first [`MAX_SAMPLES`] of a record.
-fn beginning(codes: &Codes) -> &[u16] {
+pub(crate) fn beginning(codes: &Codes) -> &[u16] {
     &codes.codes[..codes.codes.len().min(MAX_SAMPLES)]
 }
 
