@@ -64,7 +64,11 @@ fn hint(cell: &str, row: usize) -> &'static str {
     let numbers = |separator: char| {
         cell.contains(separator) && cell.split(separator).all(|c| c.trim().parse::<f64>().is_ok())
     };
+    let means_missing = ["na", "n/a", "nan", "null", "none"];
     match () {
+        () if means_missing.contains(&cell.to_lowercase().as_str()) => {
+            " (a missing sample's cell is empty)"
+        }
         () if [';', '\t', ' '].into_iter().any(numbers) => " (numbers are separated by commas)",
         () if row == 1
             && cell.starts_with(|c: char| c.is_alphabetic())
@@ -97,7 +101,8 @@ mod tests {
     #[test]
     fn a_cell_that_is_no_number_is_named_by_row_and_column() {
         let table = [
-            ("1,2\n3,nan\n", 2, 2, "'nan'", ""),
+            ("1,2\n3,nan\n", 2, 2, "'nan'", " (a missing sample's cell is empty)"),
+            ("NA,2\n", 1, 1, "'NA'", " (a missing sample's cell is empty)"),
             ("1,inf", 1, 2, "'inf'", ""),
             ("V1,V2\n1,2", 1, 1, "'V1'", " (the first line is a waveform: there is no header)"),
             ("1;2;3", 1, 1, "'1;2;3'", " (numbers are separated by commas)"),
