@@ -33,10 +33,11 @@ pub enum Kind {
     WildCodes,
     Plateaus,
     TwoLevels,
+    Dark,
 }
 
 /// All kinds; seed `s` draws kind `s % KINDS.len()`.
-pub const KINDS: [Kind; 16] = [
+pub const KINDS: [Kind; 17] = [
     Kind::Noise,
     Kind::Short,
     Kind::Constant,
@@ -53,6 +54,7 @@ pub const KINDS: [Kind; 16] = [
     Kind::WildCodes,
     Kind::Plateaus,
     Kind::TwoLevels,
+    Kind::Dark,
 ];
 
 /// One waveform, and the sensor that records it.
@@ -332,6 +334,7 @@ impl Drawing {
             Kind::WildCodes => self.wild(rng),
             Kind::Plateaus => self.plateaus(rng),
             Kind::TwoLevels => self.two_levels(rng),
+            Kind::Dark => self.dark(rng),
         }
     }
 
@@ -397,6 +400,18 @@ impl Drawing {
         let mut wave = self.quiet(rng);
         let amplitude = log_uniform(rng, 1.0, self.full_scale);
         add_echo(&mut wave, self.place(rng), amplitude, self.width);
+        self.digitised(wave)
+    }
+
+    /// Noise of which up to six tenths are clipped at 0, often with an echo.
+    fn dark(&self, rng: &mut impl Rng) -> Vec<u16> {
+        let sigma = log_uniform(rng, 0.3, 0.2 * self.full_scale);
+        let ambient = sigma * rng.random_range(-0.25..2.0);
+        let mut wave = noise(rng, self.samples, ambient, sigma);
+        if rng.random() {
+            let amplitude = sigma * log_uniform(rng, 1.0, 100.0);
+            add_echo(&mut wave, self.place(rng), amplitude, self.width);
+        }
         self.digitised(wave)
     }
 

@@ -86,6 +86,12 @@ impl Sensor {
         beam: u32,
     ) -> Option<(Echo, f64)> {
         let wall = wall(albedo, range_m);
+        self.expose_all_shots(wall, beam);
+        self.first(wall)
+    }
+
+    /// Records the sum of the waveforms of all shots.
+    pub fn expose_all_shots(&mut self, wall: Return, beam: u32) {
         let period_fs = self.pipeline.config().sample_period_fs;
         let delay_ns = self.analog.delay_ns;
         for shot in 0..self.settings.shots as u32 {
@@ -96,7 +102,6 @@ impl Sensor {
         }
         self.analog.delay_ns = delay_ns;
         self.scratch.shots().read(self.pipeline.config().sum_shift, &mut self.codes);
-        self.first(wall)
     }
 
     fn first(&mut self, wall: Return) -> Option<(Echo, f64)> {

@@ -60,7 +60,7 @@ fn start(options: &QemuOptions, hardware: Hardware) -> Client<Qemu<Waveforms>> {
     Client::connect_from(qemu, RETRY_POLICY, 0).unwrap()
 }
 
-/// Draws settings and a waveform for each beam, every kind twice.
+/// Draws settings and a waveform for each beam, kinds in turn.
 fn case(seed: u64, hardware: &Hardware) -> (Settings, Vec<Vec<u16>>) {
     let mut rng = vectors::rng(seed);
     let settings = vectors::settings(&mut rng, hardware);

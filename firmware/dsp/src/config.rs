@@ -8,6 +8,7 @@ use crate::settings::Settings;
 use crate::settings::choice::{AmbientEstimator, EchoChoice, TimingMethod};
 use crate::settings::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
 use crate::settings::refusal::Refusal;
+use crate::stages::dark::Dark;
 use crate::stages::split::Sharpener;
 use crate::stages::template::{Template, half_length, samples_per_width};
 use crate::stages::timing::Timing;
@@ -75,6 +76,8 @@ pub struct DetectorConfig {
     pub floor: i32,
     /// k, Q8.8.
     pub snr_threshold: u32,
+    /// What k needs more where noise is clipped at 0.
+    pub dark: Dark,
     /// log₂ of the upsampling ratio.
     pub upsampling_log2: u32,
     /// Smallest distance between two candidates, samples.
@@ -137,6 +140,7 @@ impl DetectorConfig {
             floor: scaled_floor(settings, &template),
             timing: Timing::new(&template, samples_per_width, upsampling_log2, choices.timing),
             sharpener: (settings.echoes > 1).then(|| Sharpener::for_pulse(width_ps, period_fs)),
+            dark: Dark::new(sum.shots, template.noise_gain),
             template,
             pulse: Pulse::new(width_ps, period_fs),
             reach: half_length(samples_per_width),

@@ -78,7 +78,7 @@ pub use clipped::{dithered_edges, edges, height, pulse};
 pub use rising_gain::{near, ramp};
 pub use settings::{choice, hardware, reason, refusal};
 pub use stages::{
-    accumulate, baseline, detect, echo, filter, flags, lagrange, noise, peak, refine, split,
+    accumulate, baseline, dark, detect, echo, filter, flags, lagrange, noise, peak, refine, split,
     statistics, template, timing,
 };
 

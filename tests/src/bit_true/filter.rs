@@ -42,8 +42,26 @@ impl BitTrue {
     /// Threshold T and σ_y of a waveform.
     pub fn threshold(&self, statistics: &Statistics) -> Threshold {
         let sigma = nearest(statistics.sigma * self.noise_gain / two_to(15));
-        let by_noise = nearest(sigma * self.snr_threshold / two_to(12));
+        let snr = self.snr_threshold + self.excess(statistics);
+        let by_noise = nearest(sigma * snr / two_to(12) + 0.5);
         let level = by_noise.max(self.floor).clamp(1.0, 32_767.0);
         Threshold { sigma, level, ambient: saturated(statistics.ambient) }
+    }
+
+    /// What clipped noise needs above k, Q8.8.
+    fn excess(&self, statistics: &Statistics) -> f64 {
+        let root = (self.shots * two_to(16)).sqrt().floor();
+        let median = statistics.median * self.code * two_to(4);
+        let ratio = (median * two_to(16) / (statistics.sigma.max(1.0) * root)).floor();
+        let left = |edge: f64| (edge * 256.0 - ratio).round().max(0.0);
+        if self.shots == 1.0 {
+            let long = ((two_to(23) / self.noise_gain).floor() - 410.0).max(0.0);
+            let slope = (59.0 * long / two_to(8)).floor();
+            (slope * left(1.3) / two_to(8)).floor()
+        } else {
+            let factor = if self.shots == 2.0 { 256.0 } else { 410.0 };
+            let slope = (factor * two_to(8) / root).floor();
+            (slope * left(1.95).powi(2) / two_to(16)).floor()
+        }
     }
 }

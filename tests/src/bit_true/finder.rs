@@ -51,11 +51,11 @@ fn rest(codes: &[f64], code: f64, search: &FinderConfig) -> (f64, f64) {
     let differences: Vec<f64> = codes.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
     let median = Order::from_values(differences.clone()).middle;
     let deviations: Vec<f64> = differences.iter().map(|d| (d - median).abs()).collect();
-    let Order { middle: deviation, below, at } = Order::from_values(deviations.clone());
+    let Order { middle: deviation, below, at, .. } = Order::from_values(deviations.clone());
     let (half, fine) = (deviations.len() as f64 / 2.0, code * 16.0);
     let mad = match deviation {
         0.0 => (half * fine / (2.0 * at)).floor(),
-        _ => (deviation - 0.5) * fine + ((half - below) * fine / at).floor(),
+        _ => (deviation - 0.5) * fine + nearest((half - below) * fine / at),
     };
     let of_differences = nearest(mad * 24_291.0 / 16_384.0);
     let quantisation = nearest(9_459.0 * 16.0 * code / 32_768.0);
@@ -83,7 +83,7 @@ fn rest(codes: &[f64], code: f64, search: &FinderConfig) -> (f64, f64) {
     if let Some((a, b)) = dense.filter(|(a, b)| (b - a) * code <= (2.0 * one_sigma).max(code)) {
         rest = rest.max((a + b) * code / 2.0 - one_sigma);
     }
-    let Order { middle: v, below, at } = Order::from_values(codes.to_vec());
+    let Order { middle: v, below, at, .. } = Order::from_values(codes.to_vec());
     let median =
         (v - 0.5) * code + ((codes.len() as f64 - 2.0 * below) * code / (2.0 * at)).floor();
     let ambient = if median <= rest + one_sigma { median } else { rest };

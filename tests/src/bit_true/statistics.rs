@@ -18,9 +18,9 @@ impl BitTrue {
         let of_codes = Order::from_values(values.clone());
         let of_deviations =
             Order::from_values(values.iter().map(|v| (v - of_codes.middle).abs()).collect());
-        // v − ½ + (N/2 − below)/at, in units of 1/`lsb` of a code, the quotient rounded down.
+        // v − ½ + (N/2 − below)/at, in units of 1/`lsb` of a code, the quotient to nearest.
         let grouped = |order: &Order, lsb: f64| {
-            (order.middle - 0.5) * lsb + ((half - order.below) * lsb / order.at).floor()
+            (order.middle - 0.5) * lsb + nearest((half - order.below) * lsb / order.at)
         };
         let fine = self.code * two_to(4);
         let mad = if of_deviations.middle == 0.0 {
@@ -28,11 +28,21 @@ impl BitTrue {
         } else {
             grouped(&of_deviations, fine)
         };
+        let by_mad = nearest(mad * nearest(1.4826 * two_to(14)) / two_to(14));
+        let is_clipped = of_codes.middle <= of_deviations.middle;
+        let by_upper = if is_clipped {
+            let high = Order::of_share(values, 7.0 / 8.0);
+            let rest = (high.share - high.below) * fine / high.at;
+            let above = (high.middle - 0.5) * fine + nearest(rest) - grouped(&of_codes, fine);
+            nearest(above.max(0.0) * nearest(two_to(14) / 1.1503) / two_to(14))
+        } else {
+            0.0
+        };
         Statistics {
             median: of_codes.middle,
             deviation: of_deviations.middle,
             ambient: grouped(&of_codes, self.code),
-            sigma: nearest(mad * nearest(1.4826 * two_to(14)) / two_to(14)),
+            sigma: by_mad.max(by_upper),
         }
     }
 
@@ -51,10 +61,13 @@ impl BitTrue {
     }
 }
 
-/// Middle of sorted values, with the numbers of values below it and equal to it.
+/// Middle of sorted values, or another of their quantiles, with the numbers of values below it and
+/// equal to it.
 pub struct Order {
-    /// Smallest value with at least half of all values at or below it.
+    /// Smallest value with at least half of all values, or another share, at or below it.
     pub middle: f64,
+    /// Half of the number of values, or another share of it.
+    pub share: f64,
     /// Number of values below the middle.
     pub below: f64,
     /// Number of values equal to the middle.
@@ -63,11 +76,17 @@ pub struct Order {
 
 impl Order {
     /// Order of at least one value.
-    pub fn from_values(mut values: Vec<f64>) -> Self {
+    pub fn from_values(values: Vec<f64>) -> Self {
+        Self::of_share(values, 0.5)
+    }
+
+    /// Quantile of at least one value.
+    pub fn of_share(mut values: Vec<f64>, share: f64) -> Self {
         values.sort_by(f64::total_cmp);
-        let middle = values[values.len().div_ceil(2) - 1];
+        let share = share * values.len() as f64;
+        let middle = values[share.ceil() as usize - 1];
         let below = values.iter().filter(|&&v| v < middle).count() as f64;
         let at = values.iter().filter(|&&v| v == middle).count() as f64;
-        Self { middle, below, at }
+        Self { middle, share, below, at }
     }
 }

@@ -380,7 +380,7 @@ fn false_alarms_are_as_rare_as_the_physics_says() {
     const WINDOWS: u32 = 30_000;
     // Rates per 800 ns window at k = 4 with σ known: benches/record/physics.md §4. Measuring σ in
     // the same waveform adds a fifth.
-    for (bins, known_sigma) in [(HALF_GS, 0.0106), (ONE_GS, 0.0133), (THREE_GS, 0.0167)] {
+    for (bins, known_sigma) in [(HALF_GS, 0.0109), (ONE_GS, 0.0136), (THREE_GS, 0.0150)] {
         let settings = Settings {
             bins,
             snr_threshold_milli: 4_000,

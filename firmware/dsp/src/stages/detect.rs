@@ -13,14 +13,17 @@ use crate::stages::statistics::Statistics;
 ///
 /// ```text
 /// σ_y = σ̂ · r              noise after the filter
-/// T   = max(g·N, k·σ_y, 1 LSB)
+/// T   = max(g·N, (k + e)·σ_y, 1 LSB)      e: of noise that is clipped at 0, else 0 ([`dark`])
 /// ```
 ///
 /// | name | meaning | format |
 /// |---|---|---|
 /// | `σ_y` | filtered noise, nearest | Q13.19 |
 /// | `k` | SNR threshold | Q8.8 |
-/// | `T` | threshold on `y`, nearest, at most 1 − 2⁻¹⁵ | Q1.15 |
+/// | `T` | threshold on `y`, at most 1 − 2⁻¹⁵ | Q1.15: g·N nearest; (k + e)·σ_y + ½ LSB, up |
+///
+/// `y` is rounded to nearest: the half is for what a lower value has gained by it. Where σ_y is
+/// about 1 LSB, as of many shots at a low gain, false alarms would be ten times as many.
 ///
 /// N and k are the paper's two thresholds (Sec. 3.2): the higher one counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +45,9 @@ impl Threshold {
     pub fn new(config: &DetectorConfig, statistics: &Statistics) -> Self {
         let noise_gain = i64::from(config.template.noise_gain);
         let sigma = shift_round(i64::from(statistics.sigma) * noise_gain, 15);
-        let by_noise = shift_round(sigma * i64::from(config.snr_threshold), 12);
+        let median = u32::from(statistics.median) << (config.code_shift + 4);
+        let snr = config.snr_threshold + config.dark.excess(median, statistics.sigma);
+        let by_noise = shift_round(sigma * i64::from(snr) + (1 << 11), 12);
         let level = by_noise.max(i64::from(config.floor)).clamp(1, 0x7fff);
         Self { sigma: sigma as u32, level: level as i16, ambient: statistics.ambient_q15() }
     }

@@ -3,6 +3,7 @@
 
 pub mod accumulate;
 pub mod baseline;
+pub mod dark;
 pub mod detect;
 pub mod echo;
 pub mod filter;

@@ -1,12 +1,14 @@
 //! Ambient light and noise, from the order statistics of the codes.
 #![expect(
     clippy::arithmetic_side_effects,
-    reason = "counts are at most 2400, codes below 2¹⁷, shifts at most 11: below 2²⁹; divisors ≥ 1"
+    reason = "counts are at most 2400, codes below 2¹⁷, shifts at most 11: below 2²⁹; eight counts \
+              shifted by 11 below 2²⁶; divisors ≥ 1"
 )]
 
 use crate::limits::MAX_SAMPLES;
 use crate::q::shift_round;
 use crate::settings::choice::AmbientEstimator;
+use crate::stages::dark;
 
 /// Ambient light and noise of a waveform.
 ///
@@ -15,14 +17,14 @@ use crate::settings::choice::AmbientEstimator;
 /// a   = m − ½ + (N/2 − #{x < m}) / #{x = m}                grouped median: resolves below one code
 /// d   = median of |x − m|: the smallest with  #{|x − m| ≤ d} ≥ ⌈N/2⌉
 /// mad = d − ½ + (N/2 − #{|x − m| < d}) / #{|x − m| = d}    d = 0:  (N/2) / #{x = m} / 2
-/// σ̂   = 1.4826 · mad
+/// σ̂   = 1.4826 · mad        at least that of the upper part, where noise is clipped at 0: `dark`
 /// ```
 ///
 /// | name | meaning | format |
 /// |---|---|---|
 /// | `x` | ADC codes, b bits | integers, `[N]` |
-/// | `a` | ambient | Q1.15: codes · 2^(15−b), the quotient rounded down |
-/// | `mad` | median absolute deviation | Q13.19: codes · 2^(19−b), the quotient rounded down |
+/// | `a` | ambient | Q1.15: codes · 2^(15−b), the quotient to nearest |
+/// | `mad` | median absolute deviation | Q13.19: codes · 2^(19−b), the quotient to nearest; of d = 0 down |
 /// | 1.4826 | σ of a normal distribution over its mad | Q2.14, nearest: 24 291 |
 /// | `σ̂` | noise of one sample | Q13.19, nearest |
 ///
@@ -62,7 +64,10 @@ impl Statistics {
             return Self::default();
         }
         let top = 0x7fff >> shift;
-        Self::from_order_statistics(&order_statistics(codes, top), codes.len() as u32, shift)
+        let ranks = order_statistics(codes, top);
+        let all = Self::from_order_statistics(&ranks, codes.len() as u32, shift);
+        let sigma = all.sigma.max(dark::sigma(codes, &ranks, shift + MAD_EXTRA_BITS));
+        Self { sigma, ..all }
     }
 
     /// The same noise with the ambient light of another estimator.
@@ -94,12 +99,12 @@ impl Statistics {
 
     fn from_order_statistics(order_statistics: &OrderStatistics, n: u32, shift: u32) -> Self {
         let OrderStatistics { median, deviation } = order_statistics;
-        let ambient = grouped(median, n, shift);
+        let ambient = grouped(median, 4 * n, shift);
         let fine = shift + MAD_EXTRA_BITS;
         let mad = if deviation.value == 0 {
             (n << fine) / (4 * deviation.at).max(1)
         } else {
-            grouped(deviation, n, fine) as u32
+            grouped(deviation, 4 * n, fine) as u32
         };
         Self {
             median: median.value,
@@ -238,10 +243,11 @@ fn middle(counts: &[u16; BINS], below: u32, half: u32) -> Option<(usize, u32)> {
     None
 }
 
-/// `(v − ½ + (N/2 − below) / at) · 2^shift`, the quotient rounded down.
+/// `(v − ½ + (count − below) / at) · 2^shift`, the quotient to nearest; the count in eighths.
 #[inline(always)]
-fn grouped(rank: &OrderStatistic, n: u32, shift: u32) -> i32 {
-    let offset = ((n - 2 * rank.below) << (shift - 1)) / rank.at.max(1);
+pub(crate) fn grouped(rank: &OrderStatistic, eighths: u32, shift: u32) -> i32 {
+    let at = 4 * rank.at.max(1);
+    let offset = (((eighths - 8 * rank.below) << shift) + at) / (2 * at);
     (i32::from(rank.value) << shift) - (1 << (shift - 1)) + offset as i32
 }
 
@@ -267,7 +273,7 @@ pub fn count_within(codes: &[u16], low: i32, high: i32) -> u32 {
 /// Gallops out from the guess, then bisects: two or three counts with a good guess, twelve without
 /// one.
 #[inline(always)]
-fn order_statistic(
+pub(crate) fn order_statistic(
     cumulative: impl Fn(i32) -> u32,
     rank: u32,
     guess: u16,
