@@ -1,7 +1,6 @@
 //! Constants of the stages, derived from the settings once, when new settings are committed.
 
 use crate::clipped::dithered_config::DitheredConfig;
-use crate::clipped::height::FARTHEST;
 use crate::clipped::pulse::Pulse;
 use crate::rising_gain::ramp::Ramp;
 use crate::settings::Settings;
@@ -248,6 +247,10 @@ fn range_step(period_fs: u32) -> i64 {
     let scaled = (u128::from(period_fs) * u128::from(SPEED_OF_LIGHT_M_S)) << 23;
     ((scaled + 500_000_000_000) / 1_000_000_000_000) as i64
 }
+
+/// Farthest beginning of a window, 4096 samples, Q16.16: beyond it the air before the window does
+/// not matter.
+const FARTHEST: i64 = 1 << 28;
 
 /// R_min in samples: both ranges are in 2⁻²⁴ mm.
 #[expect(clippy::arithmetic_side_effects, reason = "2³² mm · 2⁴⁰ is below 2⁷³")]

@@ -2,7 +2,6 @@
 
 use super::edges::Clipped;
 use super::numbers::{floor_of, two_to};
-use super::ramp::{Ramp, power};
 
 const SAMPLE: f64 = 65_536.0;
 const MOST: f64 = 33_554_432.0;
@@ -16,12 +15,6 @@ pub(super) struct Saturated<'a> {
     pub(super) codes: &'a [u16],
     /// Lowest saturated code.
     pub(super) clip_code: f64,
-    /// Range of sample 0, Q16.16 samples.
-    pub(super) origin: f64,
-    /// Distance from sample 0 to where the receiver begins to see the beam, Q16.16 samples.
-    pub(super) blind: f64,
-    /// Rise of the gain.
-    pub(super) ramp: Option<Ramp>,
 }
 
 /// One side of a run.
@@ -30,8 +23,6 @@ struct Beside {
     end: usize,
     /// Distance from there to a quarter of the clip level.
     fall: Option<f64>,
-    /// Distance and value of the lowest sample before that.
-    lowest: Option<(usize, f64)>,
 }
 
 impl Saturated<'_> {
@@ -49,10 +40,10 @@ impl Saturated<'_> {
             (Some(a), Some(b)) => Some(a.min(b)),
             (a, b) => a.or(b),
         };
-        let height = self.air(&run, &right).unwrap_or_else(|| match fall {
+        let height = match fall {
             Some(fall) => hard(&run).min(soft(&run, fall)),
             None => hard(&run),
-        });
+        };
         height.clamp(level.min(MOST), MOST)
     }
 
@@ -69,59 +60,22 @@ impl Saturated<'_> {
         loop {
             let stop = rest.iter().position(|n| clips(n) || low(n)).unwrap_or(rest.len());
             let dip = &rest[..stop];
-            // Of equal samples the nearest.
-            let lowest = dip.iter().copied().reduce(|a, b| if value(b) < value(a) { b } else { a });
-            let place = |n: usize| (n.abs_diff(end), value(n));
+            let lowest = dip.iter().map(|&n| value(n)).reduce(f64::min);
             match rest.get(stop) {
                 Some(n) if low(n) => {
                     let inner = dip.last().map_or(level, |&n| value(n).min(level));
                     let part = (inner - quarter) * SAMPLE / (inner - value(*n)).max(1.0);
                     let fall = stop as f64 * SAMPLE + part.floor() - SAMPLE / 2.0;
                     let fall = Some(fall.max(SAMPLE / 4.0));
-                    return Beside { end, fall, lowest: lowest.map(place) };
+                    return Beside { end, fall };
                 }
-                Some(&n) if lowest.is_none_or(|l| value(l) > 0.875 * level) => {
+                Some(&n) if lowest.is_none_or(|low| low > 0.875 * level) => {
                     end = n;
                     rest = &rest[stop + 1..];
                 }
-                _ => return Beside { end, fall: None, lowest: lowest.map(place) },
+                _ => return Beside { end, fall: None },
             }
         }
-    }
-
-    /// Height of an echo of air: v R² along the far side, extrapolated back to the run's begin.
-    fn air(&self, run: &Clipped<'_>, right: &Beside) -> Option<f64> {
-        let Clipped { pulse, level, first, last, .. } = *run;
-        if first as f64 * SAMPLE - self.blind > pulse.length() {
-            return None;
-        }
-        let at = |n: usize| self.origin + n as f64 * SAMPLE;
-        let (far, value) = match (right.fall, right.lowest) {
-            (Some(fall), _) => (at(last) + SAMPLE / 2.0 + fall, (level / 4.0).floor()),
-            (None, Some((steps, value))) => (at(last + steps), value),
-            (None, None) => return None,
-        };
-        let end = at(last) + SAMPLE / 2.0;
-        let value = self.at_gain_of(value, far - self.origin, end - self.origin);
-        let in_256 = |range: f64| (range / 256.0).floor() as i128;
-        let begin = in_256(at(first) + (pulse.width / 2.0).floor());
-        let (near, far) = (in_256(end), in_256(far));
-        let (near_u, far_u) = (level as i128 * near * near, value as i128 * far * far);
-        if begin <= 0 || near <= begin || far <= near || near_u > 2 * far_u {
-            return None;
-        }
-        let slope = (near_u - far_u).max(0) / 256;
-        let back = (256 * (near - begin) / (far - near)).min(16 * 256);
-        let height = (near_u + slope * back) / (begin * begin);
-        let middle = ((first + last) as f64 * SAMPLE / 2.0).floor();
-        Some(self.at_gain_of(height as f64, end - self.origin, middle))
-    }
-
-    /// Value seen at time `at`, rescaled to the gain of an earlier time.
-    fn at_gain_of(&self, value: f64, at: f64, earlier: f64) -> f64 {
-        let Some(ramp) = &self.ramp else { return value };
-        let fall = power(ramp.octaves(at) - ramp.octaves(earlier));
-        (value.min(MOST) * fall / two_to(24)).floor()
     }
 }
 

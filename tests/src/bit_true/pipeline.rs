@@ -47,7 +47,7 @@ impl BitTrue {
         let (found, hidden) = self.split(&wave, peaks(&y, threshold.level), &threshold, &noise);
         let strength = |peak: &Peak| match found.len() {
             1 => 0.0,
-            _ => self.strength(&wave, *peak, &threshold, &noise),
+            _ => self.strength(&wave, (*peak, &found), &threshold, &noise),
         };
         let separate = separate(&found, self.min_separation, strength);
         let echo = |peak: Peak| {

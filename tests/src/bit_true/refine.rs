@@ -140,20 +140,39 @@ impl BitTrue {
     pub fn strength(
         &self,
         wave: &Waveform<'_>,
-        peak: Peak,
+        (peak, all): (Peak, &[Peak]),
         threshold: &Threshold,
         noise: &Noise,
     ) -> f64 {
-        let Some(run) = self.clipped_run(wave.codes, peak.index) else {
+        let run = self.clipped_run(wave.codes, peak.index);
+        let place = run.unwrap_or((peak.index, peak.index));
+        let behind = place.1 + 4 * (self.reach + 1);
+        let is_alone = all.iter().all(|other| other.index <= place.1 || other.index > behind);
+        if is_alone && self.is_air(wave.y, place, threshold) {
+            return 0.0;
+        }
+        let Some(run) = run else {
             return self.at_full_gain(self.amplitude(peak.height).max(0.0), peak.index);
         };
         let middle = (run.0 + run.1) / 2;
         let ambient = self.rest(middle, threshold.ambient);
         let clipped = self.clipped(wave, run, &Threshold { ambient, ..*threshold }, noise);
-        let (codes, clip_code, origin) = (wave.codes, self.clip_code, self.origin_samples);
-        let (blind, ramp) = (self.blind, self.ramp);
-        let height = Saturated { clipped, codes, clip_code, origin, blind, ramp }.height();
+        let (codes, clip_code) = (wave.codes, self.clip_code);
+        let height = Saturated { clipped, codes, clip_code }.height();
         self.at_full_gain(height, middle)
+    }
+
+    /// True when light goes on behind a run that begins where the receiver begins to see.
+    fn is_air(&self, y: &[f64], (first, last): (usize, usize), threshold: &Threshold) -> bool {
+        let length = 2 * (self.reach + 1);
+        let light = |n: usize| {
+            let range = (self.origin_samples / two_to(8)).floor() + two_to(8) * n as f64;
+            y[n] as i128 * range as i128 * range as i128
+        };
+        first as f64 * two_to(16) <= self.blind + 3.0 * self.pulse.width
+            && last + length + length / 2 <= y.len()
+            && (last + length..last + length + length / 2)
+                .all(|n| y[n] >= (threshold.level / 2.0).floor() && 4 * light(n) >= light(last))
     }
 
     /// True when a peak is wider than one echo, or merged with a neighbour.

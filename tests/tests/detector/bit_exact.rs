@@ -491,10 +491,12 @@ fn refined_peaks_equal_their_models() {
             let ours = refiner.refine(|n| at(&f, n), peak);
             let expected = model.refine(&model_wave, peak.into(), &threshold.into(), &noise.into());
             assert_eq!(bit_true::Refined::from(ours), expected, "seed {seed}, {peak:?}");
-            let ours = refiner.candidates(&[peak, peak]);
+            let ours = refiner.candidates(&[&[peak], &found[..]].concat());
             let strength = |candidate: &Candidate| f64::from(candidate.strength);
+            let all: Vec<_> = found.iter().map(|&other| other.into()).collect();
+            let peak_and_all = (peak.into(), &all[..]);
             let expected =
-                model.strength(&model_wave, peak.into(), &threshold.into(), &noise.into());
+                model.strength(&model_wave, peak_and_all, &threshold.into(), &noise.into());
             assert_eq!(ours.first().map(strength), Some(expected), "seed {seed}, {peak:?}");
         }
     }

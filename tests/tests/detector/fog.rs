@@ -45,8 +45,12 @@ struct Fog {
 
 impl Fog {
     fn new(visibility_m: f64, settings: Settings) -> Self {
-        let hardware = Hardware::REFERENCE;
         let weather = Weather { kind: Precipitation::Fog, visibility_m, ..Weather::default() };
+        Self::in_weather(weather, settings)
+    }
+
+    fn in_weather(weather: Weather, settings: Settings) -> Self {
+        let hardware = Hardware::REFERENCE;
         let analog = analog_for(&settings, &hardware);
         let pipeline = Pipeline::new(&settings, &hardware).expect("accepted settings");
         Self { receiver: Receiver { weather, ..Receiver::default() }, settings, analog, pipeline }
@@ -54,11 +58,16 @@ impl Fog {
 
     /// Number of beams that find a target.
     fn found(&self, reflectance: f64, range_m: f64) -> u32 {
+        self.found_of(reflectance, range_m, &[])
+    }
+
+    /// Number of beams that find a target which has others behind it.
+    fn found_of(&self, reflectance: f64, range_m: f64, behind: &[Return]) -> u32 {
         let strength_per_m2 = (reflectance / PI / range_m / range_m) as f32;
         let target = Return { range_m: range_m as f32, strength_per_m2 };
         let scene = SceneResponse {
-            beams: (0..=BEAMS).collect(),
-            returns: vec![target; BEAMS as usize],
+            beams: (0..=BEAMS).map(|beam| beam * (1 + behind.len() as u32)).collect(),
+            returns: [&[target], behind].concat().repeat(BEAMS as usize),
             ..SceneResponse::default()
         };
         let mut front_end = WaveformFrontEnd::new(self.receiver.clone(), Arc::new(scene), 7);
@@ -87,25 +96,6 @@ impl Fog {
         peak_ua / self.receiver.full_scale_ua
     }
 
-    /// Peak of the fog's own echo, fraction of full scale, integrated in steps of 1 mm.
-    fn air(&self) -> f64 {
-        let width = self.analog.pulse_width_ns;
-        let light = |ns: f64| -> f64 {
-            let slice = |mm: i32| {
-                let r = f64::from(mm) / 1e3;
-                let overlap = ((r - 0.9) / 0.1).clamp(0.0, 1.0);
-                let since = ns - r / 0.149_896_229;
-                let lit = since > 0.0 && since < 2.0 * width;
-                let pulse = if lit { (PI * since / (2.0 * width)).sin().powi(2) } else { 0.0 };
-                let beta = self.receiver.air().backscatter_per_m_sr;
-                let unit = self.receiver.peak_current_ua(self.analog.power_w, r, 1.0);
-                1e-3 * beta * overlap / (r * r) * pulse * unit
-            };
-            (900..3_000).map(slice).sum::<f64>() / self.receiver.full_scale_ua
-        };
-        (8..30).map(|ns| light(f64::from(ns))).fold(0.0, f64::max)
-    }
-
     /// Range at which a falling function passes 1, m.
     fn where_one(of: impl Fn(f64) -> f64) -> f64 {
         (100..11_900).map(|cm| f64::from(cm) / 100.0).find(|&r| of(r) < 1.0).unwrap_or(119.0)
@@ -113,23 +103,39 @@ impl Fog {
 }
 
 #[test]
-fn in_fog_the_strongest_echo_is_the_target_as_far_as_it_outshines_the_air() {
-    for visibility_m in VISIBILITIES_M {
-        let fog = Fog::new(visibility_m, Settings::default());
-        let air = fog.air();
-        for reflectance in REFLECTANCES {
-            let expected_m = Fog::where_one(|r| fog.target(reflectance, r) / air);
-            let reach_m = fog.reach_m(reflectance);
-            if expected_m < 8.5 {
-                continue; // the echo merges with the air's
+fn in_fog_the_strongest_echo_is_the_target_where_the_last_one_is() {
+    // The air clips at 75 W, and does not at 5 W.
+    for power_uw in [75_000_000, 5_000_000] {
+        for visibility_m in VISIBILITIES_M {
+            let reach = |choice, reflectance| {
+                let settings = Settings { power_uw, ..keep(choice, 1) };
+                Fog::new(visibility_m, settings).reach_m(reflectance)
+            };
+            for reflectance in REFLECTANCES {
+                let last = reach(EchoChoice::Last, reflectance);
+                if last < 16.0 {
+                    continue; // the echo merges with the air's
+                }
+                let strongest = reach(EchoChoice::Strongest, reflectance);
+                let case = format!("{power_uw} µW, {visibility_m} m, reflectance {reflectance}");
+                assert!(strongest > 0.8 * last, "{case}: {strongest} m, {last} m of the last");
             }
-            let case = format!("visibility {visibility_m} m, reflectance {reflectance}");
-            // The echo of air that is not clipped counts a third too high: it is longer than the
-            // filter's pulse.
-            assert!(
-                reach_m > 0.75 * expected_m && reach_m < 1.12 * expected_m,
-                "{case}: {reach_m} m, where the physics gives {expected_m} m"
-            );
+        }
+    }
+}
+
+#[test]
+fn in_clear_air_a_surface_before_the_sensor_is_no_fog() {
+    for (pulse_width_ps, power_uw) in [(5_000, 30_000_000), (10_000, 15_000_000), (5_000, 50_000)] {
+        let settings = Settings { pulse_width_ps, power_uw, ..Settings::default() };
+        let clear = Fog::in_weather(Weather::default(), settings);
+        let farther = Return { range_m: 9.0, strength_per_m2: (0.001 / PI / 81.0) as f32 };
+        for (step, reflectance) in (0..24).flat_map(|step| [0.1, 0.9].map(|r| (step, r))) {
+            let range_m = 1.4 + 0.1 * f64::from(step);
+            let found = clear.found_of(reflectance, range_m, &[farther]);
+            let case = format!("{power_uw} µW, {range_m} m, reflectance {reflectance}");
+            let alone = clear.found(reflectance, range_m);
+            assert!(found >= alone, "{case}: {found} found, {alone} alone");
         }
     }
 }

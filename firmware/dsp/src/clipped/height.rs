@@ -1,12 +1,11 @@
 //! Height of a clipped echo as if it were not clipped, by which echoes are compared.
 #![expect(
     clippy::arithmetic_side_effects,
-    reason = "indices and widths are at most 2400 samples, ranges 2²¹ of 1/256 samples, a level \
-              below 2¹⁷; with the clamps stated products stay below 2⁶³; divisors are at least 1"
+    reason = "indices and widths are at most 2400 samples, a level below 2¹⁷; with the \
+              clamps stated products stay below 2⁶³; divisors are at least 1"
 )]
 
 use crate::clipped::edges::{EdgeFit, MAX_AMPLITUDE, Run};
-use crate::rising_gain::ramp::{Ramp, power};
 
 /// Estimates the height of a clipped echo from the width of its run and from how fast its sides
 /// fall. The echo is hard (the emitted pulse) or soft (spread in range, as from fog).
@@ -17,15 +16,10 @@ use crate::rising_gain::ramp::{Ramp, power};
 /// hard   A of the edges, at most level·(0.8 L)², and that where a pulse is too short
 /// soft   level · 4^(w² / ((w + 2e)² − w²))                      a Gaussian through both widths
 /// height = min(hard, soft)
-/// air    (u₁ + max(u₁ − u₄, 0) (R₁ − R₀)/(R₄ − R₁)) / R₀²       u = v R²
 /// ```
 ///
 /// A soft echo is wider at a quarter of the level than a hard one of the same run, so the lower of
-/// both models holds. The air before the sensor is softer still on its far side only: `v R²` falls
-/// slowly along it, and a line through two of its points, drawn to where it began, gives `v` there.
-/// It counts as air where the run begins within a pulse of the window's first sample, or of the
-/// first that the receiver sees, and `u₁ ≤ 2 u₄`. Where the gain rises, u₄ is less by the gain at
-/// R₁ over that at R₄, and the height more by the gain at the middle of the run over that at R₁.
+/// both models holds.
 ///
 /// | name | meaning | format |
 /// |---|---|---|
@@ -34,16 +28,13 @@ use crate::rising_gain::ramp::{Ramp, power};
 /// | too short | L ≤ the distance of the run's ends, each a sample on where that one shows | |
 /// | e | linear between samples, the inner at most level; less ½; at least ¼ | Q16.16, down |
 /// | both e | the mean where neither is more than twice the other, else the shorter | Q16.16 |
-/// | R | `origin` + n; R₀ first + W f_s/2, R₁ last + ½, R₄ = R₁ + e | samples, Q24.8, down |
-/// | back | (R₁ − R₀)/(R₄ − R₁), at most 16; times ⌊(u₁ − u₄)/2⁸⌋ | Q.8, down |
 /// | exponent of 2 | w²/(2e(w + e)), e and w + e Q.8, at most 24 | Q.12, down |
 /// | 2^f | 1 + f (2689 + 1407 f)/4096 | Q.12, each product down |
 /// | height | `level` to [`MAX_AMPLITUDE`] | Q1.15 |
 ///
-/// Another dip than that of noise ends the side without an e; the air then takes the dip's lowest
-/// sample for R₄. Without an e on either side the height is the hard one: `level` where the run
-/// touches an end. Derived, and compared with the truth, in `benches/record/detector.md`, The
-/// strongest of clipped echoes.
+/// Another dip than that of noise ends the side without an e. Without an e on either side the
+/// height is the hard one: `level` where the run touches an end. Derived, and compared with the
+/// truth, in `benches/record/detector.md`, The strongest of clipped echoes.
 #[derive(Clone, Copy, Debug)]
 pub struct Height<'a> {
     /// Fit of the edges of hard echoes.
@@ -54,17 +45,7 @@ pub struct Height<'a> {
     pub codes: &'a [u16],
     /// Samples without baseline, Q1.15.
     pub x: &'a [i16],
-    /// Range of sample 0 in samples, Q16.16, at most [`FARTHEST`].
-    pub origin: i64,
-    /// Distance from sample 0 to where the receiver begins to see the beam, Q16.16 samples.
-    pub blind: i64,
-    /// Near gain.
-    pub ramp: Option<&'a Ramp>,
 }
-
-/// Farthest beginning of a window, 4096 samples, Q16.16: beyond it the air before the window does
-/// not matter.
-pub const FARTHEST: i64 = 1 << 28;
 
 const ONE: i64 = 1 << 16;
 
@@ -77,8 +58,8 @@ struct Side {
     longer: usize,
     /// e, Q16.16.
     fall: Option<i64>,
-    /// Lowest sample up to where the side ends: its distance from the run's end, its value.
-    lowest: Option<(usize, i64)>,
+    /// Lowest sample up to where the side ends.
+    lowest: Option<i64>,
 }
 
 impl Height<'_> {
@@ -88,10 +69,8 @@ impl Height<'_> {
         let left = self.side(|steps| run.first.checked_sub(steps));
         let right = self.side(|steps| run.last.checked_add(steps));
         let run = Run { first: run.first - left.longer, last: run.last + right.longer };
-        let height = self.air(run, &right).unwrap_or_else(|| {
-            let soft = mean(left.fall, right.fall).map(|fall| self.soft(run, fall));
-            self.hard(run).min(soft.unwrap_or(MAX_AMPLITUDE))
-        });
+        let soft = mean(left.fall, right.fall).map(|fall| self.soft(run, fall));
+        let height = self.hard(run).min(soft.unwrap_or(MAX_AMPLITUDE));
         height.max(self.edges.level).min(MAX_AMPLITUDE) as u32
     }
 
@@ -107,7 +86,7 @@ impl Height<'_> {
             let (Some(&code), Some(&value)) = (self.codes.get(n), self.x.get(n)) else { break };
             let value = i64::from(value);
             if code >= self.clip_code {
-                if side.lowest.is_some_and(|(_, low)| 8 * low <= 7 * level) {
+                if side.lowest.is_some_and(|low| 8 * low <= 7 * level) {
                     break;
                 }
                 side = Side { longer: step, fall: None, lowest: None };
@@ -121,9 +100,7 @@ impl Height<'_> {
                 side.fall = Some((whole + part - ONE / 2).max(ONE / 4));
                 break;
             }
-            if side.lowest.is_none_or(|(_, low)| value < low) {
-                side.lowest = Some((from_run, value));
-            }
+            side.lowest = Some(side.lowest.map_or(value, |low| low.min(value)));
             inner = value.min(level);
         }
         side
@@ -156,45 +133,6 @@ impl Height<'_> {
         let f = exponent & ((1 << FINE) - 1);
         let mantissa = (1 << FINE) + ((f * (2_689 + ((1_407 * f) >> FINE))) >> FINE);
         ((self.edges.level * mantissa) << (exponent >> FINE)) >> FINE
-    }
-
-    /// Height of the air before the sensor; `None` for anything else.
-    fn air(&self, run: Run, right: &Side) -> Option<i64> {
-        let Self { edges: EdgeFit { pulse, level, .. }, origin, blind, .. } = *self;
-        let first = (run.first as i64) << 16;
-        if first - blind > 2 * pulse.width() {
-            return None;
-        }
-        let end = origin + ((run.last as i64) << 16);
-        let (far, value) = match (right.fall, right.lowest) {
-            (Some(fall), _) => (end + ONE / 2 + fall, level >> 2),
-            (None, Some((steps, value))) => (end + ((steps as i64) << 16), value),
-            (None, None) => return None,
-        };
-        let value = self.at_gain_of(value, far - origin, end + ONE / 2 - origin);
-        let begin = (origin + first + (pulse.width() >> 1)) >> 8;
-        let (near, far) = ((end + ONE / 2) >> 8, far >> 8);
-        if near <= begin || far <= near || begin <= 0 {
-            return None;
-        }
-        let (u_near, u_far) = (level * near * near, value * far * far);
-        if u_near > 2 * u_far {
-            return None;
-        }
-        let slope = ((u_near - u_far).max(0)) >> 8;
-        let back = (((near - begin) << 8) / (far - near).max(1)).min(16 << 8);
-        let height = (u_near + slope * back) / (begin * begin).max(1);
-        let middle = ((run.first + run.last) as i64) << 15;
-        Some(self.at_gain_of(height, end + ONE / 2 - origin, middle))
-    }
-
-    /// Value seen at one time as it would be at the gain of an earlier time, rounded down; times in
-    /// Q16.16 samples.
-    fn at_gain_of(&self, value: i64, at: i64, earlier: i64) -> i64 {
-        let Some(ramp) = self.ramp else { return value };
-        // Times lie within the waveform, or a pulse beyond it.
-        let fall = power(ramp.octaves(at as i32) - ramp.octaves(earlier as i32));
-        (value.min(MAX_AMPLITUDE) * i64::from(fall)) >> 24
     }
 }
 

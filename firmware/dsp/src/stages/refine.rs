@@ -2,7 +2,8 @@
 #![expect(
     clippy::arithmetic_side_effects,
     reason = "times are Q16.16 within 2400 samples, 2²⁸; outputs Q9.23 within ±2²⁴, times a \
-              fraction or a tap 2⁴¹; σ below 2³²; divisors are at least 1"
+              fraction or a tap 2⁴¹; σ below 2³²; ranges Q.8 below 2²¹, their squares times a sample \
+              2⁵⁹; divisors are at least 1"
 )]
 
 use core::ops::Range;
@@ -163,17 +164,24 @@ impl Refiner<'_> {
         detect::choose(candidates, config.echoes, config.echo_choice)
     }
 
-    /// Peaks with the strength of their echoes: [`Height`] of a clipped peak, else its amplitude.
+    /// Peaks with the strength of their echoes: [`Height`] of a clipped peak, else its amplitude; 0
+    /// of the air.
     pub fn candidates(&self, peaks: &[Peak]) -> Candidates {
         let mut candidates = Candidates::new();
         for &peak in peaks {
-            let _ = candidates.push(Candidate { peak, strength: self.strength(peak) }); // fits
+            let strength = self.strength(peak, peaks);
+            let _ = candidates.push(Candidate { peak, strength }); // fits
         }
         candidates
     }
 
-    fn strength(&self, peak: Peak) -> u32 {
-        let (n, strength) = match self.clipped_run(peak) {
+    fn strength(&self, peak: Peak, all: &[Peak]) -> u32 {
+        let run = self.clipped_run(peak);
+        let at = peak.index.into();
+        if self.is_air(run.unwrap_or(Run { first: at, last: at }), all) {
+            return 0;
+        }
+        let (n, strength) = match run {
             Some(run) => ((run.first + run.last) >> 1, self.height(run)),
             None => {
                 let amplitude = self.config.template.amplitude(peak.height.into());
@@ -183,20 +191,42 @@ impl Refiner<'_> {
         self.config.at_full_gain(strength, n)
     }
 
+    /// True when a clipped run, or a peak, is that of the air before the sensor, as in fog: it
+    /// begins where the receiver begins to see the beam, and `y` stays high behind it. Behind a
+    /// surface there is no light, and another surface makes a peak.
+    ///
+    /// ```text
+    /// first ≤ blind + 3 W                                 L = 2 (K + 1), the pulse's length
+    /// y[n] ≥ max(T/2, y[last]·(R_last/R_n)²/4)            n = last + L .. last + 3/2 L
+    /// no other peak in last .. last + 2 L
+    /// ```
+    ///
+    /// Light of the air falls as e^(−2αR)/R². The quarter is for α: 0.3 /m, fog of 10 m, leaves
+    /// that much over a pulse of 15 ns. R is in samples, Q.8, rounded down; the products are exact.
+    fn is_air(&self, run: Run, all: &[Peak]) -> bool {
+        let Self { config, waveform: Waveform { y, .. }, .. } = *self;
+        let length = 2 * (config.reach + 1);
+        let first = ((run.first as i64) << 16) - config.blind;
+        let begin = run.last + length;
+        let Some(behind) = y.get(begin..begin + length / 2) else { return false };
+        let beside = run.last + 1..begin + length + 1;
+        if first > 3 * config.pulse.width()
+            || all.iter().any(|peak| beside.contains(&usize::from(peak.index)))
+        {
+            return false;
+        }
+        let range = |n: usize| (config.origin_samples + ((n as i64) << 16)) >> 8;
+        let light = |n: usize, y: i16| i64::from(y) * range(n) * range(n);
+        let least = light(run.last, y.get(run.last).copied().unwrap_or(0));
+        let half = self.threshold.level >> 1;
+        behind.iter().zip(begin..).all(|(&y, n)| y >= half && 4 * light(n, y) >= least)
+    }
+
     fn height(&self, run: Run) -> u32 {
         let Self { config, waveform: Waveform { codes, x, .. }, .. } = *self;
         let middle = (run.first + run.last) >> 1;
         let ambient = self.near.map_or(self.threshold.ambient, |near| near.rest(middle));
-        Height {
-            edges: self.edge_fit(ambient),
-            clip_code: config.clip_code,
-            codes,
-            x,
-            origin: config.origin_samples,
-            blind: config.blind,
-            ramp: config.ramp.as_ref(),
-        }
-        .of(run)
+        Height { edges: self.edge_fit(ambient), clip_code: config.clip_code, codes, x }.of(run)
     }
 
     /// Range of samples that refining a peak reads: its clipped run, or its index, and on either

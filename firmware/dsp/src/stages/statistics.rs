@@ -24,7 +24,7 @@ use crate::stages::dark;
 /// |---|---|---|
 /// | `x` | ADC codes, b bits | integers, `[N]` |
 /// | `a` | ambient | Q1.15: codes · 2^(15−b), the quotient to nearest |
-/// | `mad` | median absolute deviation | Q13.19: codes · 2^(19−b), the quotient to nearest; of d = 0 down |
+/// | `mad` | median absolute deviation | Q13.19: codes · 2^(19−b), to nearest; of d = 0 down |
 /// | 1.4826 | σ of a normal distribution over its mad | Q2.14, nearest: 24 291 |
 /// | `σ̂` | noise of one sample | Q13.19, nearest |
 ///
