@@ -2,8 +2,8 @@
 #![expect(
     clippy::arithmetic_side_effects,
     reason = "times are Q16.16 within 2400 samples, 2²⁸; outputs Q9.23 within ±2²⁴, times a \
-              fraction or a tap 2⁴¹; σ below 2³²; ranges Q.8 below 2²¹, their squares times a sample \
-              2⁵⁹; divisors are at least 1"
+              fraction or a tap 2⁴¹; σ below 2³²; ranges Q.8 below 2²¹, their squares times \
+              four samples 2⁵⁹; divisors are at least 1"
 )]
 
 use core::ops::Range;
