@@ -55,7 +55,7 @@ fn rest(codes: &[f64], code: f64, search: &FinderConfig) -> (f64, f64) {
     let (half, fine) = (deviations.len() as f64 / 2.0, code * 16.0);
     let mad = match deviation {
         0.0 => (half * fine / (2.0 * at)).floor(),
-        _ => (deviation - 0.5) * fine + nearest((half - below) * fine / at),
+        _ => (deviation - 0.5) * fine + ((half - below) * fine / at).floor(),
     };
     let of_differences = nearest(mad * 24_291.0 / 16_384.0);
     let quantisation = nearest(9_459.0 * 16.0 * code / 32_768.0);

@@ -18,22 +18,21 @@ impl BitTrue {
         let of_codes = Order::from_values(values.clone());
         let of_deviations =
             Order::from_values(values.iter().map(|v| (v - of_codes.middle).abs()).collect());
-        // v − ½ + (N/2 − below)/at, in units of 1/`lsb` of a code, the quotient to nearest.
-        let grouped = |order: &Order, lsb: f64| {
-            (order.middle - 0.5) * lsb + nearest((half - order.below) * lsb / order.at)
-        };
         let fine = self.code * two_to(4);
+        // v − ½ + (share − below)/at, in units of 1/`fine` of a code, the quotient rounded down.
+        let grouped = |order: &Order| {
+            (order.middle - 0.5) * fine + ((order.share - order.below) * fine / order.at).floor()
+        };
         let mad = if of_deviations.middle == 0.0 {
             (half * fine / (2.0 * of_deviations.at)).floor()
         } else {
-            grouped(&of_deviations, fine)
+            grouped(&of_deviations)
         };
         let by_mad = nearest(mad * nearest(1.4826 * two_to(14)) / two_to(14));
         let is_clipped = of_codes.middle <= of_deviations.middle;
         let by_upper = if is_clipped {
             let high = Order::of_share(values, 7.0 / 8.0);
-            let rest = (high.share - high.below) * fine / high.at;
-            let above = (high.middle - 0.5) * fine + nearest(rest) - grouped(&of_codes, fine);
+            let above = grouped(&high) - grouped(&of_codes);
             nearest(above.max(0.0) * nearest(two_to(14) / 1.1503) / two_to(14))
         } else {
             0.0
@@ -41,7 +40,7 @@ impl BitTrue {
         Statistics {
             median: of_codes.middle,
             deviation: of_deviations.middle,
-            ambient: grouped(&of_codes, self.code),
+            ambient: nearest(grouped(&of_codes) / two_to(4)),
             sigma: by_mad.max(by_upper),
         }
     }

@@ -23,8 +23,8 @@ use crate::stages::dark;
 /// | name | meaning | format |
 /// |---|---|---|
 /// | `x` | ADC codes, b bits | integers, `[N]` |
-/// | `a` | ambient | Q1.15: codes · 2^(15−b), the quotient to nearest |
-/// | `mad` | median absolute deviation | Q13.19: codes · 2^(19−b), to nearest; of d = 0 down |
+/// | `a` | ambient | Q1.15: codes · 2^(15−b), nearest, from Q13.19 |
+/// | `mad` | median absolute deviation | Q13.19: codes · 2^(19−b), the quotient rounded down |
 /// | 1.4826 | σ of a normal distribution over its mad | Q2.14, nearest: 24 291 |
 /// | `σ̂` | noise of one sample | Q13.19, nearest |
 ///
@@ -99,8 +99,8 @@ impl Statistics {
 
     fn from_order_statistics(order_statistics: &OrderStatistics, n: u32, shift: u32) -> Self {
         let OrderStatistics { median, deviation } = order_statistics;
-        let ambient = grouped(median, 4 * n, shift);
         let fine = shift + MAD_EXTRA_BITS;
+        let ambient = shift_round(grouped(median, 4 * n, fine).into(), MAD_EXTRA_BITS) as i32;
         let mad = if deviation.value == 0 {
             (n << fine) / (4 * deviation.at).max(1)
         } else {
@@ -243,11 +243,10 @@ fn middle(counts: &[u16; BINS], below: u32, half: u32) -> Option<(usize, u32)> {
     None
 }
 
-/// `(v − ½ + (count − below) / at) · 2^shift`, the quotient to nearest; the count in eighths.
+/// `(v − ½ + (count − below) / at) · 2^shift`, the quotient rounded down; the count in eighths.
 #[inline(always)]
 pub(crate) fn grouped(rank: &OrderStatistic, eighths: u32, shift: u32) -> i32 {
-    let at = 4 * rank.at.max(1);
-    let offset = (((eighths - 8 * rank.below) << shift) + at) / (2 * at);
+    let offset = ((eighths - 8 * rank.below) << shift) / (8 * rank.at.max(1));
     (i32::from(rank.value) << shift) - (1 << (shift - 1)) + offset as i32
 }
 
