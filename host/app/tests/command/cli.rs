@@ -1087,7 +1087,7 @@ fn a_journal_without_checksums_is_refused_and_says_what_to_do() {
     let history = format!("{folder}/history.jsonl");
     let unsealed = |line: &str| line.split(",\"check\"").next().map(|body| format!("{body}}}\n"));
     let earlier: String = fixture.read(&history).lines().filter_map(unsealed).collect();
-    fixture.write(&history, earlier.replace("{\"journal\":3", "{\"journal\":1"));
+    fixture.write(&history, earlier.replace("{\"journal\":4", "{\"journal\":1"));
     for more in [&[][..], &["--repair"]] {
         fixture.refuses(
             &[&["tune", "--resume", folder], more].concat(),

@@ -191,8 +191,17 @@ fn an_evaluation_is_that_of_the_sensor_in_process() {
 fn tune(fixture: &Fixture, runs: &str, more: &[&str]) -> Vec<Vec<u8>> {
     let moment = ["--generations", "1", "--population", "2", "--set", "tune.shortlist=1"];
     succeed(fixture, &[&["tune"][..], &FEW, &moment, &["--runs", runs], more].concat());
-    let files = ["history.jsonl", "result.json", "report.html", "config.toml"];
-    files.map(|file| fixture.repeatable(&format!("{runs}/latest/{file}"))).into()
+    let files = ["result.json", "report.html", "config.toml"];
+    let mut files = files.map(|file| fixture.repeatable(&format!("{runs}/latest/{file}"))).to_vec();
+    files.push(generations(fixture, &format!("{runs}/latest/history.jsonl")).into());
+    files
+}
+
+/// Lines of a journal but for the first, which names the sensor, and but for their checksums, which
+/// count it.
+fn generations(fixture: &Fixture, path: &str) -> String {
+    let unsealed = |line: &str| line.split(",\"check\"").next().map(str::to_owned);
+    fixture.read(path).lines().skip(1).filter_map(unsealed).collect()
 }
 
 #[test]
@@ -205,6 +214,12 @@ fn a_run_ends_with_the_files_of_the_run_in_process() {
     assert!(near.iter().all(|file| file.len() > 100));
     assert!(fed == near, "waveforms");
     assert!(served == near, "its own front end");
+    let advice = "resume with that sensor";
+    let resumed = ["tune", "--resume", "served/latest"];
+    fixture.refuses(&resumed, &["line 1: sensor is \"serial, echoloop", "\"in-process", advice]);
+    let fed = [&resumed[..], &["--sensor", &bare.spec], &HOST].concat();
+    fixture.refuses(&fed, &["\"serial with waveforms, ", advice]);
+    fixture.succeed(&[&resumed[..], &["--sensor", &seeing.spec]].concat());
 }
 
 #[test]

@@ -5,7 +5,7 @@
 //! values it was told, so a resumed search tells it again.
 //!
 //! ```text
-//! {"journal":3, …,"check":"995dc9bbdf1939fa"}      line 1
+//! {"journal":4, …,"check":"995dc9bbdf1939fa"}      line 1
 //! {"generation":0, …,"check":"…"}                  line 2
 //! ```
 //!
@@ -44,6 +44,8 @@ pub struct Header {
     pub build: Option<String>,
     /// Schema of the link, hexadecimal.
     pub link_schema: String,
+    /// Kind of the sensor, and name and version of its firmware.
+    pub sensor: String,
     /// The whole configuration.
     pub config: Value,
     /// The axes searched, in the cube's order.
@@ -52,8 +54,9 @@ pub struct Header {
     pub content: Content,
 }
 
-/// Version of the journal's format. Lines of format 1 had no checksums, those of format 2 no stage.
-pub const FORMAT: u32 = 3;
+/// Version of the journal's format. Lines of format 1 had no checksums, those of format 2 no stage,
+/// the first of format 3 no sensor.
+pub const FORMAT: u32 = 4;
 
 /// Candidate of a generation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -453,6 +456,9 @@ fn check_header(path: &Path, found: &Header, expected: &Header) -> Result<(), Jo
         Some("config" | "axes" | "population") => {
             "written with another configuration; resume with the run's own config.toml".to_owned()
         }
+        Some("sensor") => {
+            format!("resume with that sensor (--sensor, --front-end), or {BEGIN_ANEW}")
+        }
         Some("content") => {
             format!("what is scanned has changed since: put it back, or {BEGIN_ANEW}")
         }
@@ -491,6 +497,7 @@ mod tests {
             program: "echoloop 0".into(),
             build: Some("b0".into()),
             link_schema: "0x1".into(),
+            sensor: "in-process, a 0".into(),
             axes: vec!["lidar.power".into()],
             config: serde_json::json!({"seed": 1}),
             content: Content::default(),
@@ -579,6 +586,10 @@ mod tests {
         );
         let content = Content { scans: "5".into(), ..Content::default() };
         refused(Header { content, ..header() }, ["line 1: content.scans", "put it back"]);
+        refused(
+            Header { sensor: "serial, a 0".into(), ..header() },
+            ["line 1: sensor is \"in-process, a 0\" there and \"serial, a 0\" now", "--sensor"],
+        );
         refused(
             Header { build: None, ..header() },
             [r#"line 1: build is "b0" there and null now"#, "another build"],

@@ -186,6 +186,7 @@ impl TuneSearch<'_> {
             program: format!("echoloop {}", env!("CARGO_PKG_VERSION")),
             build: build(),
             link_schema: format!("{:#018x}", echoloop_link::SCHEMA),
+            sensor: self.bench.sensors.kind(),
             config: serde_json::to_value(self.config).unwrap_or_default(),
             axes: self.space.axes().iter().map(|axis| axis.name.to_owned()).collect(),
             content: Content::of(self.config, self.bench.dataset),

@@ -13,6 +13,7 @@ type Open = dyn Fn() -> Result<Sensor, SensorError> + Send + Sync;
 /// board on a serial line there is one, and other threads wait.
 pub struct Sensors {
     name: String,
+    kind: String,
     open: Box<Open>,
     limit: usize,
     state: Mutex<State>,
@@ -34,7 +35,12 @@ impl Sensors {
     pub fn new(spec: &SensorSpec, at: FrontEndAt, model: Model, qemu: QemuOptions) -> Self {
         let (name, spec) = (spec.to_string(), spec.clone());
         let limit = if matches!(spec, SensorSpec::Serial(_)) { 1 } else { usize::MAX };
-        Self::opened_by(name, limit, move || match (&spec, at) {
+        let kind = match (&spec, at) {
+            (SensorSpec::Serial(_), FrontEndAt::Sensor) => "serial".to_owned(),
+            (SensorSpec::Serial(_), FrontEndAt::Host) => "serial with waveforms".to_owned(),
+            _ => name.clone(),
+        };
+        let pool = Self::opened_by(name, limit, move || match (&spec, at) {
             (SensorSpec::InProcess, FrontEndAt::Sensor) => {
                 Sensor::in_process(&model).map_err(SensorError::client(&spec))
             }
@@ -44,7 +50,8 @@ impl Sensors {
             (SensorSpec::Qemu(board), _) => open_qemu(&model, at, board, &qemu),
             (SensorSpec::Serial(port), FrontEndAt::Sensor) => Sensor::serial(port, None),
             (SensorSpec::Serial(port), FrontEndAt::Host) => Sensor::serial(port, Some(&model)),
-        })
+        });
+        Self { kind, ..pool }
     }
 
     /// Pool of sensors in this process.
@@ -60,7 +67,8 @@ impl Sensors {
     ) -> Self {
         let (open, limit) = (Box::new(open), limit.max(1));
         let (state, freed) = (Mutex::default(), Condvar::new());
-        Self { name: name.into(), open, limit, state, freed, _log: None }
+        let name = name.into();
+        Self { kind: name.clone(), name, open, limit, state, freed, _log: None }
     }
 
     /// The same pool with a log that is written while the pool lives.
@@ -71,6 +79,13 @@ impl Sensors {
     /// Name of the sensors, as in `--sensor`.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Kind and firmware of the sensors, whatever port they are on: `serial, echoloop-sensor 0.1.0`.
+    /// Opens the first; the kind alone where that fails.
+    pub fn kind(&self) -> String {
+        let identity = self.identity();
+        identity.map_or_else(|_| self.kind.clone(), |of| format!("{}, {}", self.kind, of.build))
     }
 
     /// Identity of the sensors; opens the first.
