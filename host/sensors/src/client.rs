@@ -25,10 +25,13 @@ pub enum ClientError {
     #[error("the sensor refused the settings: {0}")]
     Refused(#[from] Refusal),
     /// The sensor understood the command and could not execute it.
-    #[error("the sensor answered {0:?}")]
+    #[error("{}", said(*.0))]
     Nack(Nack),
     /// No answer.
-    #[error("no answer from the sensor to {command} after {tries} tries of {timeout:?}")]
+    #[error(
+        "no answer from the sensor to {command} after {tries} tries of {timeout:?}{}",
+        if *.in_use { "; there are frames of another host: is a program using the line?" } else { "" }
+    )]
     Silent {
         /// Command.
         command: &'static str,
@@ -36,6 +39,8 @@ pub enum ClientError {
         tries: u32,
         /// Timeout of each try.
         timeout: Duration,
+        /// True when frames numbered by another host came.
+        in_use: bool,
     },
     /// No answer, and the frames that were sent came back.
     #[error(
@@ -157,7 +162,23 @@ pub struct Client<T> {
     unsure: bool,
     /// Own frames that came back since the last command was numbered.
     echoes: u32,
+    /// Frames that came broken since then, and those with another host's numbers.
+    broken: u32,
+    foreign: u32,
+    /// Greatest number of beams that are asked for at once: less on a line that breaks long frames.
+    most_beams: u16,
+    /// Reports that came at the first try since that number was changed.
+    at_once: u32,
 }
+
+/// Broken frames after which a command with a long answer is given up for shorter ones.
+const BREAKS: u32 = 2;
+
+/// Number of newest commands whose late answers may still come.
+const RECENT: u16 = 256;
+
+/// Reports at the first try after which longer ones are tried again.
+const WHOLE: u32 = 64;
 
 impl<T: Transport> Client<T> {
     /// Connects, and reads the sensor's identity and settings.
@@ -200,6 +221,10 @@ impl<T: Transport> Client<T> {
             on_trial: false,
             unsure: true,
             echoes: 0,
+            broken: 0,
+            foreign: 0,
+            most_beams: BEAMS_PER_REPORT as u16,
+            at_once: 0,
         };
         client.read_settings()?; // unsure, it says hello first
         Ok(client)
@@ -469,11 +494,25 @@ impl<T: Transport> Client<T> {
         let mut scan = Vec::with_capacity(total as usize);
         while (scan.len() as u32) < total {
             let first = scan.len() as u32;
-            let count = (total - first).min(BEAMS_PER_REPORT as u32) as u16;
-            let report = self.ask(&command(first, count))?;
-            scan.extend(self.beams(report, frame, first, count.into())?);
+            let count = (total - first).min(self.most_beams.into()) as u16;
+            let was_unsure = self.unsure;
+            match self.ask(&command(first, count)) {
+                Err(ClientError::Silent { .. }) if count > 1 && self.broken > 0 => {
+                    (self.most_beams, self.at_once, self.unsure) = (count / 2, 0, was_unsure);
+                }
+                report => scan.extend(self.beams(report?, frame, first, count.into())?),
+            }
         }
         Ok(scan)
+    }
+
+    /// Counts reports that came at once; after many of them, longer ones are tried again.
+    fn came_at_once(&mut self) {
+        self.at_once += 1;
+        if self.at_once >= WHOLE {
+            self.at_once = 0;
+            self.most_beams = (2 * self.most_beams).min(BEAMS_PER_REPORT as u16);
+        }
     }
 
     /// Echoes of `count` beams of a scan, checked to be of the settings committed last.
@@ -502,7 +541,10 @@ impl<T: Transport> Client<T> {
         let mut frame = [0; MAX_FRAME];
         let bytes = self.numbered(command, &mut frame)?;
         let sequence = self.sequence;
-        for _ in 0..self.retry_policy.tries {
+        for step in 0..self.retry_policy.tries {
+            if self.broken >= BREAKS && is_long(command) {
+                break;
+            }
             self.transport.send(bytes)?;
             match self.listen(|of| of == sequence)?.pop() {
                 Some((_, Report::Refused(refusal))) => return Err(refusal.into()),
@@ -510,7 +552,12 @@ impl<T: Transport> Client<T> {
                     self.unsure |= reason == Nack::NotReady;
                     return Err(ClientError::Nack(reason));
                 }
-                Some((_, report)) => return Ok(report),
+                Some((_, report)) => {
+                    if step == 0 && matches!(report, Report::Beams { .. }) {
+                        self.came_at_once();
+                    }
+                    return Ok(report);
+                }
                 None => {}
             }
         }
@@ -524,7 +571,7 @@ impl<T: Transport> Client<T> {
         frame: &'a mut [u8; MAX_FRAME],
     ) -> Result<&'a [u8], ClientError> {
         self.sequence = self.sequence.wrapping_add(1);
-        self.echoes = 0;
+        (self.echoes, self.broken, self.foreign) = (0, 0, 0);
         let frame = echoloop_link::encode(self.sequence, command, frame);
         frame.map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error).into())
     }
@@ -536,7 +583,7 @@ impl<T: Transport> Client<T> {
             return ClientError::Echo { command, echoes: self.echoes };
         }
         let RetryPolicy { timeout, tries } = self.retry_policy;
-        ClientError::Silent { command, tries, timeout }
+        ClientError::Silent { command, tries, timeout, in_use: self.foreign > 0 }
     }
 
     /// Reports with awaited numbers, in their order of arrival: all those in the first bytes that
@@ -550,15 +597,26 @@ impl<T: Transport> Client<T> {
             let length = self.transport.receive(&mut chunk, left)?;
             let mut answers = Vec::new();
             for &byte in &chunk[..length] {
-                let Some(Ok(frame)) = self.decoder.push(byte) else { continue };
+                let frame = match self.decoder.push(byte) {
+                    Some(Ok(frame)) => frame,
+                    broken => {
+                        self.broken += u32::from(broken.is_some());
+                        continue;
+                    }
+                };
+                let ours = self.sequence;
                 match echoloop_link::open(frame) {
+                    Ok((_, of, _)) if ours.wrapping_sub(of) > RECENT && !awaited(of) => {
+                        self.foreign = self.foreign.saturating_add(1);
+                    }
+                    Err(_) => self.broken = self.broken.saturating_add(1),
                     Ok((Way::ToSensor, _, body)) if !answers_another_hello(body) => {
                         self.echoes = self.echoes.saturating_add(1);
                     }
                     Ok((_, sequence, body)) if awaited(sequence) => {
                         answers.extend(read(body)?.map(|report| (sequence, report)));
                     }
-                    _ => {} // broken, or an answer to another command
+                    _ => {} // an answer to another command
                 }
             }
             if length == 0 || !answers.is_empty() || left.is_zero() {
@@ -582,6 +640,24 @@ fn read(body: &[u8]) -> Result<Option<Report>, ClientError> {
             Err(ClientError::Version { theirs, build: "of another build".into() })
         }
         _ => Ok(None),
+    }
+}
+
+/// True of a command whose answer is the shorter the fewer beams it asks for.
+fn is_long(command: &Command<'_>) -> bool {
+    match command {
+        Command::ReadBeams { count, .. } | Command::ReadNoisyBeams { count, .. } => *count > 1,
+        _ => false,
+    }
+}
+
+/// What a sensor answers instead of a report.
+fn said(nack: Nack) -> String {
+    match nack {
+        Nack::NotReady => "the sensor restarted: it waits for a greeting, and its settings are \
+                           those that it saved"
+            .into(),
+        other => format!("the sensor answered {other:?}"),
     }
 }
 

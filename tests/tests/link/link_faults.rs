@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
 use echoloop_frontend::SceneResponse;
-use echoloop_frontend::{Receiver, WaveformFrontEnd};
+use echoloop_frontend::{Receiver, Return, WaveformFrontEnd};
 use echoloop_link::{Command, Decoder, Greeting, MAX_FRAME, Nack, decode, encode};
 use echoloop_sensor::store;
 use echoloop_sensors::boards::pc::PcSensor;
@@ -413,4 +413,78 @@ fn programs_start_at_different_sequence_numbers() {
     seen.borrow_mut().sort_unstable();
     seen.borrow_mut().dedup();
     assert!(seen.borrow().len() > 1, "all of eight programs began at {:?}", seen.borrow());
+}
+
+/// Line that damages every 300th byte, either way.
+struct Periodic<T> {
+    line: T,
+    passed: [usize; 2],
+    every: usize,
+}
+
+impl<T> Periodic<T> {
+    fn harm(&mut self, way: usize, bytes: &mut [u8]) {
+        for byte in bytes {
+            self.passed[way] += 1;
+            *byte ^= u8::from(self.passed[way].is_multiple_of(self.every)) << 4;
+        }
+    }
+}
+
+impl<T: Transport> Transport for Periodic<T> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let mut bytes = bytes.to_vec();
+        self.harm(0, &mut bytes);
+        self.line.send(&bytes)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+        let length = self.line.receive(buffer, timeout)?;
+        self.harm(1, &mut buffer[..length]);
+        Ok(length)
+    }
+}
+
+/// A sensor of 64 beams that each see a wall.
+fn walls() -> InProcess<WaveformFrontEnd> {
+    let pattern = ScanPattern::Grid(Grid { columns: 8, rows: 8, ..Grid::default() });
+    let wall = Return { range_m: 20.0, strength_per_m2: 1e-3 };
+    let scene = SceneResponse {
+        beams: (0..=pattern.beams()).collect(),
+        returns: vec![wall; pattern.beams() as usize],
+        ..SceneResponse::default()
+    };
+    let front_end = WaveformFrontEnd::new(Receiver::default(), Arc::new(scene), 1);
+    InProcess(PcSensor::new(front_end, pattern, Hardware::REFERENCE))
+}
+
+#[test]
+fn on_a_line_that_damages_every_300th_byte_a_scan_is_read_in_shorter_reports() {
+    // Beams with echoes: reports of 32 are longer than 300 bytes.
+    let mut clean = Client::connect_from(walls(), tries(8), 0).unwrap();
+    let expected: Vec<_> = (1..4).map(|frame| clean.scan(frame).unwrap()).collect();
+    assert!(expected.iter().flatten().all(|echoes| echoes.len() == 1));
+    for every in [300, 170] {
+        let line = Periodic { line: walls(), passed: [0, 150], every };
+        let policy = RetryPolicy { timeout: Duration::from_millis(5), tries: 8 };
+        let mut client = Client::connect_from(line, policy, 0).unwrap();
+        client.configure(&Settings::default()).unwrap();
+        for (frame, expected) in (1..4).zip(&expected) {
+            assert_eq!(&client.scan(frame).unwrap(), expected, "every {every}, scan {frame}");
+        }
+    }
+}
+
+#[test]
+fn a_restart_and_another_host_are_said() {
+    let mut client = Client::connect_from(sensor(), ONCE, 40_000).unwrap();
+    *client.transport_mut() = sensor();
+    assert!(client.scan(1).unwrap_err().to_string().starts_with("the sensor restarted"));
+    // Another host says hello on the same line, and its answers come to us.
+    let mut client = Client::connect_from(sensor(), tries(2), 0).unwrap();
+    let hello = Command::Hello(Greeting::OURS);
+    let theirs = encode(30_000, &hello, &mut [0; MAX_FRAME]).unwrap().to_vec();
+    client.transport_mut().send(&theirs).unwrap();
+    let said = client.scan(1).unwrap_err().to_string();
+    assert!(said.contains("is a program using the line?"), "{said}");
 }
