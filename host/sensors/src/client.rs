@@ -30,7 +30,7 @@ pub enum ClientError {
     /// No answer.
     #[error(
         "no answer from the sensor to {command} after {tries} tries of {timeout:?}{}",
-        if *.in_use { "; there are frames of another host: is a program using the line?" } else { "" }
+        if *.in_use { "; there are frames of another host: who else is on the line?" } else { "" }
     )]
     Silent {
         /// Command.

@@ -486,5 +486,5 @@ fn a_restart_and_another_host_are_said() {
     let theirs = encode(30_000, &hello, &mut [0; MAX_FRAME]).unwrap().to_vec();
     client.transport_mut().send(&theirs).unwrap();
     let said = client.scan(1).unwrap_err().to_string();
-    assert!(said.contains("is a program using the line?"), "{said}");
+    assert!(said.contains("who else is on the line?"), "{said}");
 }

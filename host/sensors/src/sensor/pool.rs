@@ -81,8 +81,8 @@ impl Sensors {
         &self.name
     }
 
-    /// Kind and firmware of the sensors, whatever port they are on: `serial, echoloop-sensor 0.1.0`.
-    /// Opens the first; the kind alone where that fails.
+    /// Kind and firmware of the sensors, whatever port they are on, as in `serial, echoloop-sensor
+    /// 0.1.0`. Opens the first; the kind alone where that fails.
     pub fn kind(&self) -> String {
         let identity = self.identity();
         identity.map_or_else(|_| self.kind.clone(), |of| format!("{}, {}", self.kind, of.build))
