@@ -69,11 +69,11 @@ impl Dark {
     /// For a number of shots, 1 to 16, and r, Q1.15.
     pub fn new(shots: u32, noise_gain: u16) -> Self {
         let root = (shots.clamp(1, 16) << 16).isqrt();
-        let inverse = (1 << 23) / u32::from(noise_gain.max(1));
+        let inverse = (1 << 23) / u32::from(noise_gain).max(1);
         let slope = match shots {
             0 | 1 => (59 * inverse.saturating_sub(410)) >> 8,
-            2 => (1 << 16) / root,
-            _ => (410 << 8) / root,
+            2 => (1 << 16) / root.max(1),
+            _ => (410 << 8) / root.max(1),
         };
         Self { root, slope }
     }
@@ -81,7 +81,7 @@ impl Dark {
     /// e for a median and σ̂, both Q13.19.
     pub fn excess(&self, median: u32, sigma: u32) -> u32 {
         let edge = if self.root == 256 { EDGE_OF_ONE } else { EDGE_OF_SEVERAL };
-        let scale = u64::from(sigma.max(1)) * u64::from(self.root);
+        let scale = (u64::from(sigma) * u64::from(self.root)).max(1);
         let scaled = u64::from(median) << 16;
         if scaled >= u64::from(edge) * scale {
             return 0;

@@ -246,7 +246,7 @@ fn middle(counts: &[u16; BINS], below: u32, half: u32) -> Option<(usize, u32)> {
 /// `(v − ½ + (count − below) / at) · 2^shift`, the quotient rounded down; the count in eighths.
 #[inline(always)]
 pub(crate) fn grouped(rank: &OrderStatistic, eighths: u32, shift: u32) -> i32 {
-    let offset = ((eighths - 8 * rank.below) << shift) / (8 * rank.at.max(1));
+    let offset = ((eighths - 8 * rank.below) << shift) / (8 * rank.at).max(1);
     (i32::from(rank.value) << shift) - (1 << (shift - 1)) + offset as i32
 }
 
