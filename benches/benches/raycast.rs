@@ -74,6 +74,7 @@ fn town(criterion: &mut Criterion<CpuTime>, kind: SceneKind, seed: u64) {
     let optics = BeamOptics {
         divergence_mrad: config.receiver.divergence_mrad,
         subrays: config.receiver.subrays,
+        mirrors: false,
     };
     let origin: [f32; 3] = pose.translation.vector.cast::<f32>().into();
     let rays: Vec<Vec<[f32; 3]>> =

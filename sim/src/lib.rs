@@ -27,6 +27,7 @@
 
 pub mod ideal;
 pub mod import;
+pub mod mirror;
 pub mod picture;
 pub mod raycast;
 pub mod roads;

@@ -16,7 +16,7 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
 
 use crate::scene::{Mesh, Scene};
-use crate::vector::{dot, sub};
+use crate::vector::{cross, dot, sub};
 use frustum::DEPTH;
 use packet::{LANES, LeafHit, nearest, nearest_single};
 use triangle::{Triangle, cos_incidence};
@@ -130,6 +130,23 @@ impl Raycaster {
             cos_incidence: cos_incidence(&triangle.corners, direction),
             material: triangle.material,
         })
+    }
+
+    /// Ray that the first surface mirrors: its origin, a millimetre before the surface, and its
+    /// direction.
+    pub(crate) fn mirrored(
+        &self,
+        origin: [f32; 3],
+        direction: [f32; 3],
+    ) -> Option<([f32; 3], [f32; 3])> {
+        let met = nearest_single(&self.nodes, &self.triangles, origin, direction, f32::INFINITY);
+        let [a, b, c] = self.triangles.get(met.slot as usize)?.corners;
+        let across = cross(sub(b, a), sub(c, a));
+        let normal = across.map(|x| x / dot(across, across).sqrt());
+        let along = dot(direction, normal);
+        let before = 1e-3 * along.signum();
+        let from = [0, 1, 2].map(|i| origin[i] + met.range_m * direction[i] - before * normal[i]);
+        Some((from, [0, 1, 2].map(|i| direction[i] - 2.0 * along * normal[i])))
     }
 
     /// True when no surface lies between two points, metres.

@@ -11,6 +11,7 @@ use echoloop_frontend::{Return, SceneResponse};
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
+use crate::mirror::image;
 use crate::raycast::{Hit, Raycaster};
 use crate::scene::Material;
 
@@ -31,11 +32,13 @@ pub struct BeamOptics {
     pub divergence_mrad: [f64; 2],
     /// Sub-rays along each width; an even count is rounded up to the next odd one.
     pub subrays: u8,
+    /// True to see what smooth surfaces mirror.
+    pub mirrors: bool,
 }
 
 impl Default for BeamOptics {
     fn default() -> Self {
-        Self { divergence_mrad: [3.0, 1.5], subrays: 5 }
+        Self { divergence_mrad: [3.0, 1.5], subrays: 5, mirrors: false }
     }
 }
 
@@ -75,6 +78,16 @@ pub fn scan_moving(
             .zip(&grid)
             .filter_map(|(hit, (_, weight))| echo(hit.as_ref()?, materials, *weight))
             .collect();
+        if optics.mirrors {
+            for ((hit, ray), (_, weight)) in hits.iter().zip(&rays).zip(&grid) {
+                let hit = hit.as_ref();
+                let image = hit.and_then(|hit| image(caster, materials, (origin, *ray), hit));
+                let weighted = |(range, strength): (f32, f32)| {
+                    (f64::from(range), weight * f64::from(strength))
+                };
+                echoes.extend(image.map(weighted).filter(|(_, strength)| *strength > 0.0));
+            }
+        }
         cluster(&mut echoes)
     };
     collect(directions.par_iter().enumerate().map(beam).collect())

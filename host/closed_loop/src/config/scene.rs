@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use echoloop_files::one_line;
-use echoloop_parameters::{Bounds, Refused, section};
+use echoloop_parameters::{Bounds, Refused, choice, section};
 use echoloop_sim::import::{Ground, ImportOptions, Libraries, Plane, Tags};
 use echoloop_sim::scene::SceneKind;
 use serde::{Deserialize, Serialize};
@@ -41,9 +41,24 @@ section! {
         stored: String, "", Bounds::Words("a file that `echoloop store` wrote, or empty"),
             "Pairs to read instead of tracing them (`--stored FILE`). They must be those of this \
              configuration. Empty: none.";
+        mirrors: Mirrors, "", Mirrors::BOUNDS,
+            "Surfaces that mirror others: `none`, `glass`, or `wet`, glass and wet streets, which \
+             are darker as well.";
         dressing: String, "", DRESSING,
             "What stands along the roads of an OpenDRIVE file: `structured` (houses wall to wall) \
              or `semi-structured` (houses in gardens).";
+    }
+}
+
+choice! {
+    /// Surfaces in which others are seen.
+    pub enum Mirrors by default None {
+        /// None.
+        None = "none",
+        /// Panes of glass.
+        Glass = "glass",
+        /// Glass, and streets under a film of water.
+        Wet = "wet",
     }
 }
 
@@ -56,6 +71,7 @@ impl Default for SceneConfig {
             tags: Tags::NAMES[0].into(),
             libraries: "beside".into(),
             stored: String::new(),
+            mirrors: Mirrors::None,
             dressing: "structured".into(),
         }
     }

@@ -17,6 +17,7 @@ use std::sync::Arc;
 
 use echoloop_dsp::ScanPattern;
 use echoloop_frontend::SceneResponse;
+use echoloop_sim::mirror::wet_streets;
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{self, BeamOptics};
 use echoloop_sim::scene::Scene;
@@ -26,7 +27,7 @@ use echoloop_sim::viewpoint::{
 use thiserror::Error;
 
 use crate::beams::Beams;
-use crate::config::{Motion, RunConfig};
+use crate::config::{Mirrors, Motion, RunConfig};
 use crate::dataset::source::{Source, SourceError};
 use crate::seed::{Purpose, derive};
 use echoloop_clouds::pose::{Pose, relative};
@@ -179,7 +180,10 @@ pub fn towns(config: &RunConfig) -> Vec<u64> {
 
 /// Makes or loads one town.
 pub fn place(config: &RunConfig, town: u64) -> Result<Place, DatasetError> {
-    let scene = Source::of(&config.scene.source).scene(&config.scene, town)?;
+    let mut scene = Source::of(&config.scene.source).scene(&config.scene, town)?;
+    if config.scene.mirrors == Mirrors::Wet {
+        wet_streets(&mut scene.materials);
+    }
     let caster = Raycaster::new(&scene);
     let later = scene.mesh_after(config.data.interval_s).map(|mesh| Raycaster::from_mesh(&mesh));
     Ok(Place { scene, caster, later })
@@ -343,6 +347,7 @@ impl View {
             optics: BeamOptics {
                 divergence_mrad: config.receiver.divergence_mrad,
                 subrays: config.receiver.subrays,
+                mirrors: config.scene.mirrors != Mirrors::None,
             },
             motion: config.motion,
             seed: derive(config.seed, Purpose::Motion, viewpoint.into()),
@@ -412,6 +417,24 @@ mod tests {
             (a - b).norm()
         };
         pairs.iter().map(apart).collect()
+    }
+
+    #[test]
+    fn mirrors_add_images_and_a_wet_street_returns_less() {
+        let seen = |mirrors: &str| {
+            let config = config(&["scene.source=structured", mirrors]);
+            let dataset = Dataset::build(&config, &|_, _| ()).unwrap();
+            let seen = dataset.train[0].first.to(&dataset.beams);
+            let strongest =
+                |beam: usize| seen.of(beam).iter().map(|of| of.strength_per_m2).fold(0.0, f32::max);
+            (seen.returns.len(), (0..seen.len()).map(strongest).collect::<Vec<_>>())
+        };
+        let (dry, none) = seen("scene.mirrors=none");
+        let (glass, _) = seen("scene.mirrors=glass");
+        let (wet, darker) = seen("scene.mirrors=wet");
+        assert!(dry < glass && glass < wet, "{dry}, {glass}, {wet} returns");
+        let less = none.iter().zip(&darker).filter(|(dry, wet)| **wet < 0.8 * **dry).count();
+        assert!(less > none.len() / 5, "{less} of {} beams", none.len());
     }
 
     #[test]
