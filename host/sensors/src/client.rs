@@ -167,7 +167,7 @@ pub struct Client<T> {
     foreign: u32,
     /// Greatest number of beams that are asked for at once: less on a line that breaks long frames.
     most_beams: u16,
-    /// Reports that came at the first try since that number was changed.
+    /// Newest reports that came at the first try, one after the other.
     at_once: u32,
 }
 
@@ -177,7 +177,7 @@ const BREAKS: u32 = 2;
 /// Number of newest commands whose late answers may still come.
 const RECENT: u16 = 256;
 
-/// Reports at the first try after which longer ones are tried again.
+/// Reports in a row at the first try after which longer ones are tried again.
 const WHOLE: u32 = 64;
 
 impl<T: Transport> Client<T> {
@@ -506,9 +506,9 @@ impl<T: Transport> Client<T> {
         Ok(scan)
     }
 
-    /// Counts reports that came at once; after many of them, longer ones are tried again.
-    fn came_at_once(&mut self) {
-        self.at_once += 1;
+    /// Counts reports that came at the first try; after many of them, longer ones are tried again.
+    fn count_report(&mut self, at_once: bool) {
+        self.at_once = if at_once { self.at_once + 1 } else { 0 };
         if self.at_once >= WHOLE {
             self.at_once = 0;
             self.most_beams = (2 * self.most_beams).min(BEAMS_PER_REPORT as u16);
@@ -553,8 +553,8 @@ impl<T: Transport> Client<T> {
                     return Err(ClientError::Nack(reason));
                 }
                 Some((_, report)) => {
-                    if step == 0 && matches!(report, Report::Beams { .. }) {
-                        self.came_at_once();
+                    if matches!(report, Report::Beams { .. }) {
+                        self.count_report(step == 0);
                     }
                     return Ok(report);
                 }
@@ -600,7 +600,7 @@ impl<T: Transport> Client<T> {
                 let frame = match self.decoder.push(byte) {
                     Some(Ok(frame)) => frame,
                     broken => {
-                        self.broken += u32::from(broken.is_some());
+                        self.broken = self.broken.saturating_add(broken.is_some().into());
                         continue;
                     }
                 };
