@@ -146,9 +146,7 @@ impl BitTrue {
     ) -> f64 {
         let run = self.clipped_run(wave.codes, peak.index);
         let place = run.unwrap_or((peak.index, peak.index));
-        let behind = place.1 + 4 * (self.reach + 1);
-        let is_alone = all.iter().all(|other| other.index <= place.1 || other.index > behind);
-        if is_alone && self.is_air(wave.y, place, threshold) {
+        if self.is_air(wave.y, place, all, threshold) {
             return 0.0;
         }
         let Some(run) = run else {
@@ -162,17 +160,28 @@ impl BitTrue {
         self.at_full_gain(height, middle)
     }
 
-    /// True when light goes on behind a run that begins where the receiver begins to see.
-    fn is_air(&self, y: &[f64], (first, last): (usize, usize), threshold: &Threshold) -> bool {
+    /// True when a run that begins where the receiver begins to see is longer than a pulse, or light
+    /// goes on behind it.
+    fn is_air(
+        &self,
+        y: &[f64],
+        (first, last): (usize, usize),
+        all: &[Peak],
+        threshold: &Threshold,
+    ) -> bool {
         let length = 2 * (self.reach + 1);
         let light = |n: usize| {
             let range = (self.origin_samples / two_to(8)).floor() + two_to(8) * n as f64;
             y[n] as i128 * range as i128 * range as i128
         };
-        first as f64 * two_to(16) <= self.blind + 3.0 * self.pulse.width
-            && last + length + length / 2 <= y.len()
-            && (last + length..last + length + length / 2)
-                .all(|n| y[n] >= (threshold.level / 2.0).floor() && 4 * light(n) >= light(last))
+        let begins = first as f64 * two_to(16) <= self.blind + 3.0 * self.pulse.width;
+        let is_alone =
+            || all.iter().all(|other| other.index <= last || other.index > last + 2 * length);
+        let stays =
+            |n: usize| y[n] >= (threshold.level / 2.0).floor() && 4 * light(n) >= light(last);
+        let behind = last + length..last + length + length / 2;
+        let goes_on = || behind.end <= y.len() && is_alone() && behind.clone().all(stays);
+        begins && (last + 1 - first >= length || goes_on())
     }
 
     /// True when a peak is wider than one echo, or merged with a neighbour.

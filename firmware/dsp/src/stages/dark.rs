@@ -40,7 +40,7 @@ pub(super) fn sigma(codes: &[u16], ranks: &OrderStatistics, shift: u32) -> u32 {
 /// ```text
 /// ρ = m/(σ̂ √M)                       a shot's median over its σ; half of it is clipped at 0
 /// e = 0.23·(1/r − 1.6)·(1.3 − ρ)     M = 1 shot
-///   = 1.6/√M·(1.95 − ρ)²             several; 1/√M of two
+///   = c/√M·(1.95 − ρ)²               several: c = 1.6, of two shots 1
 /// ```
 ///
 /// A factor below 0 counts as 0. The filter adds up samples, and clipped ones have a mean above
@@ -51,7 +51,7 @@ pub(super) fn sigma(codes: &[u16], ranks: &OrderStatistics, shift: u32) -> u32 {
 /// |---|---|---|
 /// | `m` | median code | Q13.19 |
 /// | `√M`, `1/r`, `ρ` | rounded down | Q.8 |
-/// | `0.23·(1/r − 1.6)`, `1.6/√M`, `1/√M` | rounded down | Q.8 |
+/// | `0.23·(1/r − 1.6)`, `c/√M` | rounded down | Q.8 |
 /// | `e` | the product, rounded down | Q8.8 |
 #[derive(Clone, Copy, Debug)]
 pub struct Dark {

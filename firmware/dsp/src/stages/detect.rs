@@ -20,7 +20,7 @@ use crate::stages::statistics::Statistics;
 /// |---|---|---|
 /// | `σ_y` | filtered noise, nearest | Q13.19 |
 /// | `k` | SNR threshold | Q8.8 |
-/// | `T` | threshold on `y`, at most 1 − 2⁻¹⁵ | Q1.15: g·N nearest; (k + e)·σ_y + ½ LSB, up |
+/// | `T` | threshold on `y`, at most 1 − 2⁻¹⁵ | Q1.15: g·N, and (k + e)·σ_y + ½ LSB, nearest |
 ///
 /// `y` is rounded to nearest: the half is for what a lower value has gained by it. Where σ_y is
 /// about 1 LSB, as of many shots at a low gain, false alarms would be ten times as many.

@@ -199,6 +199,7 @@ impl Refiner<'_> {
     /// first ≤ blind + 3 W                                 L = 2 (K + 1), the pulse's length
     /// y[n] ≥ max(T/2, y[last]·(R_last/R_n)²/4)            n = last + L .. last + 3/2 L
     /// no other peak in last .. last + 2 L
+    /// or, instead of both, a run of at least L samples: no surface's pulse is as long
     /// ```
     ///
     /// Light of the air falls as e^(−2αR)/R². The quarter is for α: 0.3 /m, fog of 10 m, leaves
@@ -207,12 +208,16 @@ impl Refiner<'_> {
         let Self { config, waveform: Waveform { y, .. }, .. } = *self;
         let length = 2 * (config.reach + 1);
         let first = ((run.first as i64) << 16) - config.blind;
+        if first > 3 * config.pulse.width() {
+            return false;
+        }
+        if run.last - run.first >= length - 1 {
+            return true;
+        }
         let begin = run.last + length;
         let Some(behind) = y.get(begin..begin + length / 2) else { return false };
         let beside = run.last + 1..begin + length + 1;
-        if first > 3 * config.pulse.width()
-            || all.iter().any(|peak| beside.contains(&usize::from(peak.index)))
-        {
+        if all.iter().any(|peak| beside.contains(&usize::from(peak.index))) {
             return false;
         }
         let range = |n: usize| (config.origin_samples + ((n as i64) << 16)) >> 8;
