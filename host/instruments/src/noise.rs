@@ -32,6 +32,9 @@ const GROWTH: f64 = 1.01;
 /// Rounds in which the tops of coloured noise are told from echoes by what was measured before.
 const AGAIN: usize = 2;
 
+/// Greatest growth of σ in these rounds: of noise alone it is 1.17 at most.
+const GROWN: f64 = 1.2;
+
 /// Fewest quiet windows, and pairs of samples at a lag, that tell the noise.
 const FEWEST_WINDOWS: usize = 8;
 const FEWEST_PAIRS: u64 = 400;
@@ -57,8 +60,7 @@ pub struct Noise {
     correlation: Vec<f64>,
     /// As the finder takes it; `None` where it is white.
     pub(crate) colour: Option<Colour>,
-    /// σ of the records' own estimates over their median; `None` where the records' noise differs,
-    /// or is coloured and the records are short.
+    /// σ of the records' own estimates over their median; `None` where the records' noise differs.
     spread: Option<f64>,
 }
 
@@ -104,15 +106,22 @@ impl Noise {
     /// ```
     ///
     /// D_k is the variogram: unlike the autocovariance it needs no mean, which drifts.
+    ///
+    /// In short recordings tops of coloured noise end the rest too early, as echoes do: they are
+    /// told by what was measured, and it is measured again.
     pub(crate) fn measured(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Option<Self> {
         let looked = searched(rows, &codes, None);
         let mut noise = Self::measured_in(&looked, &codes)?;
+        let most = GROWN * noise.sigma;
         for _ in 0..AGAIN {
             if !noise.is_coloured() || is_long(&looked) {
                 break;
             }
             let again = searched(rows, &codes, Some(&noise));
-            let Some(better) = Self::measured_in(&again, &codes) else { break };
+            let better = Self::measured_in(&again, &codes);
+            // What grew more holds echoes that are weak beside another channel's noise.
+            let grown = better.filter(|better| better.sigma < most);
+            let Some(better) = grown else { break };
             noise = better;
         }
         Some(noise)
@@ -234,6 +243,9 @@ impl Noise {
     /// many false alarms as there should be.
     pub(crate) fn of_record(&self, codes: &Codes) -> Option<f64> {
         let most = OWN * self.spread? * self.sigma;
+        if self.is_coloured() && self.sigma < codes.unit {
+            return None; // steps of a code are no Gaussian noise
+        }
         match self.own_sigma(codes) - self.sigma {
             less if less < -most => None,
             // More noise, or echoes: these raise what lies farther apart, and hardly neighbours.

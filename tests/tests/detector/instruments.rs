@@ -283,8 +283,8 @@ fn short_records_of_noise_alone_have_hardly_more_echoes_than_is_said() {
     }
 }
 
-/// Echoes in blank rows, with the noise of all of them.
-fn false_echoes(rows: &[Vec<f64>]) -> usize {
+/// Echoes of rows, with the noise of all of them.
+fn echoes_of(rows: &[Vec<f64>]) -> usize {
     let finder = Finder::new(options(32)).with_noise(Noise::of_waveforms(rows));
     finder.find(rows, &[]).iter().map(|waveform| waveform.echoes.len()).sum()
 }
@@ -294,15 +294,26 @@ fn channels_and_parts_of_a_record_with_more_noise_keep_their_own() {
     let louder = |value: f64| 300.0 + 4.0 * (value - 300.0);
     let mut channels = at_rest(6, 300, 800, 0.0);
     channels.iter_mut().step_by(2).flatten().for_each(|value| *value = louder(*value));
-    let found = false_echoes(&channels);
+    let found = echoes_of(&channels);
     assert!(found <= 3, "{found} false echoes of two channels");
     let mut short = at_rest(8, 600, 120, 1.0);
     short.iter_mut().step_by(20).flatten().for_each(|value| *value = louder(*value));
-    let found = false_echoes(&short);
+    let found = echoes_of(&short);
     assert!(found <= 3, "{found} false echoes of a short channel");
+    // A third of short records, three times as loud: the echoes of the others are found.
+    let mut mixed = at_rest(10, 900, 60, 2.0);
+    for (k, row) in mixed.iter_mut().enumerate() {
+        let louder = if k % 3 == 0 { 3.0 } else { 1.0 };
+        for (n, value) in row.iter_mut().enumerate() {
+            let pulse = 100.0 * (-(n as f64 - 30.0).powi(2) / 12.5).exp();
+            *value = (300.0 + louder * (*value - 300.0) + pulse).round();
+        }
+    }
+    let found = echoes_of(&mixed);
+    assert!(found > 500, "{found} of 900 echoes");
     let mut parts = at_rest(7, 60, 5_000, 0.0);
     parts.iter_mut().flat_map(|row| &mut row[2_400..]).for_each(|value| *value = louder(*value));
-    let found = false_echoes(&parts);
+    let found = echoes_of(&parts);
     // The pieces that hold the change itself; by the first part's noise there are thousands.
     assert!(found <= 100, "{found} false echoes of long records");
 }
