@@ -498,7 +498,8 @@ impl<T: Transport> Client<T> {
             let was_unsure = self.unsure;
             match self.ask(&command(first, count)) {
                 Err(ClientError::Silent { .. }) if count > 1 && self.broken > 0 => {
-                    (self.most_beams, self.at_once, self.unsure) = (count / 2, 0, was_unsure);
+                    self.most_beams = (self.most_beams / 2).max(1);
+                    (self.at_once, self.unsure) = (0, was_unsure);
                 }
                 report => scan.extend(self.beams(report?, frame, first, count.into())?),
             }

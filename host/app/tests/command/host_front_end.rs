@@ -193,15 +193,8 @@ fn tune(fixture: &Fixture, runs: &str, more: &[&str]) -> Vec<Vec<u8>> {
     succeed(fixture, &[&["tune"][..], &FEW, &moment, &["--runs", runs], more].concat());
     let files = ["result.json", "report.html", "config.toml"];
     let mut files = files.map(|file| fixture.repeatable(&format!("{runs}/latest/{file}"))).to_vec();
-    files.push(generations(fixture, &format!("{runs}/latest/history.jsonl")).into());
+    files.push(fixture.generations(&format!("{runs}/latest/history.jsonl")).into());
     files
-}
-
-/// Lines of a journal but for the first, which names the sensor, and but for their checksums, which
-/// count it.
-fn generations(fixture: &Fixture, path: &str) -> String {
-    let unsealed = |line: &str| line.split(",\"check\"").next().map(str::to_owned);
-    fixture.read(path).lines().skip(1).filter_map(unsealed).collect()
 }
 
 #[test]

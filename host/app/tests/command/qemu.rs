@@ -89,7 +89,10 @@ fn a_run_through_the_emulated_board_ends_with_the_numbers_of_the_run_in_process(
         ]
         .concat(),
     );
-    for file in ["history.jsonl", "result.json", "report.html"] {
+    let [pc, board] =
+        ["pc", "board"].map(|runs| fixture.generations(&format!("{runs}/latest/history.jsonl")));
+    assert!(pc == board && pc.len() > 100, "the journals differ");
+    for file in ["result.json", "report.html"] {
         let [pc, board] =
             ["pc", "board"].map(|runs| fixture.repeatable(&format!("{runs}/latest/{file}")));
         assert!(pc == board, "{file} differs");
