@@ -160,8 +160,8 @@ impl BitTrue {
         self.at_full_gain(height, middle)
     }
 
-    /// True when a run that begins where the receiver begins to see is longer than a pulse, or light
-    /// goes on behind it.
+    /// True when a run that begins where the receiver begins to see is longer than a pulse, or when
+    /// light goes on behind it.
     fn is_air(
         &self,
         y: &[f64],
