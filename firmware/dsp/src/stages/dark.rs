@@ -11,11 +11,11 @@ use crate::stages::statistics::{OrderStatistics, count_within, grouped, order_st
 /// 1/1.1503 in Q2.14: σ of a normal distribution over its 7/8 quantile above the median.
 const EIGHTH_TO_SIGMA: i64 = 14_243;
 
-/// σ̂ from the upper part of the codes, Q13.19; 0 where the lower part is whole.
+/// σ̂ from the upper part of the codes, Q13.19, where m ≤ d.
 ///
 /// ```text
-/// m ≤ d:  h  = 7/8 quantile of the codes, grouped as the median is
-///         σ̂  = (h − a)/1.1503
+/// h  = 7/8 quantile of the codes, grouped as the median is
+/// σ̂  = (h − a)/1.1503
 /// ```
 ///
 /// Where half of the codes lie in m ± d and m ≤ d, a quarter of them is clipped, and the deviation
@@ -24,9 +24,6 @@ const EIGHTH_TO_SIGMA: i64 = 14_243;
 #[inline(never)]
 pub(super) fn sigma(codes: &[u16], ranks: &OrderStatistics, shift: u32) -> u32 {
     let OrderStatistics { median, deviation } = ranks;
-    if median.value > deviation.value {
-        return 0;
-    }
     let n = codes.len() as u32;
     let at_most = |bound: i32| count_within(codes, 0, bound);
     let guess = median.value.saturating_add(deviation.value).saturating_add(1);

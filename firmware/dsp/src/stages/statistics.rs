@@ -66,6 +66,9 @@ impl Statistics {
         let top = 0x7fff >> shift;
         let ranks = order_statistics(codes, top);
         let all = Self::from_order_statistics(&ranks, codes.len() as u32, shift);
+        if all.median > all.deviation {
+            return all;
+        }
         let sigma = all.sigma.max(dark::sigma(codes, &ranks, shift + MAD_EXTRA_BITS));
         Self { sigma, ..all }
     }
