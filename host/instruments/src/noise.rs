@@ -110,18 +110,23 @@ impl Noise {
     /// In short recordings tops of coloured noise end the rest too early, as echoes do: they are
     /// told by what was measured, and it is measured again.
     pub(crate) fn measured(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Option<Self> {
-        let looked = searched(rows, &codes, None);
-        let mut noise = Self::measured_in(&looked, &codes)?;
+        let length = |&row: &usize| (row, codes(row).codes.len());
+        let lengths: Vec<(usize, usize)> = evenly_spaced(rows).par_iter().map(length).collect();
+        if is_long(&lengths) {
+            return Self::measured_in(&lengths, &codes);
+        }
+        let measured = |noise: Option<&Self>| {
+            Self::measured_in(&before_echoes(&lengths, &codes, noise), &codes)
+        };
+        let mut noise = measured(None)?;
         let most = GROWN * noise.sigma;
         for _ in 0..AGAIN {
-            if !noise.is_coloured() || is_long(&looked) {
+            if !noise.is_coloured() {
                 break;
             }
-            let again = searched(rows, &codes, Some(&noise));
-            let better = Self::measured_in(&again, &codes);
             // What grew more holds echoes that are weak beside another channel's noise.
-            let grown = better.filter(|better| better.sigma < most);
-            let Some(better) = grown else { break };
+            let better = measured(Some(&noise)).filter(|better| better.sigma < most);
+            let Some(better) = better else { break };
             noise = better;
         }
         Some(noise)
@@ -288,18 +293,12 @@ fn highest_of(freedom: f64) -> f64 {
     (1.0 - part + 3.09 * part.sqrt()).powi(3)
 }
 
-/// Rows that are looked at, and the end of the piece of each that may be quiet.
-fn searched(
-    rows: usize,
+/// Rows, and the end of the rest before the first echo of each, which the noise tells from a top.
+fn before_echoes(
+    lengths: &[(usize, usize)],
     codes: impl Fn(usize) -> Codes + Sync,
     noise: Option<&Noise>,
 ) -> Vec<(usize, usize)> {
-    let looked = evenly_spaced(rows);
-    let length = |&row: &usize| (row, codes(row).codes.len());
-    let lengths: Vec<(usize, usize)> = looked.par_iter().map(length).collect();
-    if is_long(&lengths) {
-        return lengths;
-    }
     let rest = |finder: &mut Box<EchoFinder>, &(row, length): &(usize, usize)| {
         let codes = codes(row);
         // Coloured noise has clear tops, too.

@@ -110,7 +110,7 @@ choices! {
     }
     /// Rule for which echoes are kept when there are more than asked for.
     echoes: EchoChoice of EchoChoice {
-        /// The strongest.
+        /// The strongest; the air before the sensor is weaker than any surface.
         Strongest = "strongest",
         /// The nearest.
         First = "first",
