@@ -125,6 +125,24 @@ fn in_fog_the_strongest_echo_is_the_target_where_the_last_one_is() {
 }
 
 #[test]
+fn a_surface_just_behind_the_clipped_air_is_kept_where_it_is_found() {
+    for gain_cdb in [0, 400, 800, 1_200] {
+        for visibility_m in [70.0, 100.0, 200.0] {
+            let settings = Settings { gain_cdb, ..Settings::default() };
+            let one = Fog::new(visibility_m, settings);
+            let four = Fog::new(visibility_m, Settings { echoes: 4, ..settings });
+            let (mut kept, mut found) = (0, 0);
+            for range_m in [4.0, 5.0, 6.0, 7.0, 8.0, 10.0] {
+                kept += one.found(0.1, range_m);
+                found += four.found(0.1, range_m);
+            }
+            let case = format!("{gain_cdb} cdB, {visibility_m} m: {kept} of {found}");
+            assert!(found >= BEAMS && 100 * kept >= 99 * found, "{case}");
+        }
+    }
+}
+
+#[test]
 fn in_clear_air_a_surface_before_the_sensor_is_no_fog() {
     for (pulse_width_ps, power_uw) in [(5_000, 30_000_000), (10_000, 15_000_000), (5_000, 50_000)] {
         let settings = Settings { pulse_width_ps, power_uw, ..Settings::default() };

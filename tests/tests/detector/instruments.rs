@@ -300,17 +300,25 @@ fn channels_and_parts_of_a_record_with_more_noise_keep_their_own() {
     short.iter_mut().step_by(20).flatten().for_each(|value| *value = louder(*value));
     let found = echoes_of(&short);
     assert!(found <= 3, "{found} false echoes of a short channel");
-    // A third of short records, three times as loud: the echoes of the others are found.
-    let mut mixed = at_rest(10, 900, 60, 2.0);
+    // Half of the short records, three times as loud: the echoes of the others are found.
+    let mut mixed = at_rest(10, 2_000, 60, 2.0);
     for (k, row) in mixed.iter_mut().enumerate() {
-        let louder = if k % 3 == 0 { 3.0 } else { 1.0 };
+        let louder = if k % 2 == 0 { 3.0 } else { 1.0 };
         for (n, value) in row.iter_mut().enumerate() {
-            let pulse = 100.0 * (-(n as f64 - 30.0).powi(2) / 12.5).exp();
+            let pulse = 96.0 * (-(n as f64 - 30.0).powi(2) / 12.5).exp();
             *value = (300.0 + louder * (*value - 300.0) + pulse).round();
         }
     }
     let found = echoes_of(&mixed);
-    assert!(found > 500, "{found} of 900 echoes");
+    assert!(found > 1_000, "{found} of 2,000 echoes");
+    // Of less than a code, steps count.
+    let mut coarse = at_rest(11, 1_000, 100, 1.5);
+    coarse
+        .iter_mut()
+        .flatten()
+        .for_each(|value| *value = (300.0 + (*value - 300.0) / 20.0).round());
+    let found = echoes_of(&coarse);
+    assert!(found <= 2, "{found} false echoes of coarse noise");
     let mut parts = at_rest(7, 60, 5_000, 0.0);
     parts.iter_mut().flat_map(|row| &mut row[2_400..]).for_each(|value| *value = louder(*value));
     let found = echoes_of(&parts);

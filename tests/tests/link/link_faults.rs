@@ -420,6 +420,8 @@ struct Periodic<T> {
     line: T,
     passed: [usize; 2],
     every: usize,
+    /// Number of messages sent.
+    sent: usize,
 }
 
 impl<T> Periodic<T> {
@@ -434,6 +436,7 @@ impl<T> Periodic<T> {
 impl<T: Transport> Transport for Periodic<T> {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         let mut bytes = bytes.to_vec();
+        self.sent += 1;
         self.harm(0, &mut bytes);
         self.line.send(&bytes)
     }
@@ -465,13 +468,19 @@ fn on_a_line_that_damages_every_300th_byte_a_scan_is_read_in_shorter_reports() {
     let expected: Vec<_> = (1..4).map(|frame| clean.scan(frame).unwrap()).collect();
     assert!(expected.iter().flatten().all(|echoes| echoes.len() == 1));
     for every in [300, 170] {
-        let line = Periodic { line: walls(), passed: [0, 150], every };
+        let line = Periodic { line: walls(), passed: [0, 150], every, sent: 0 };
         let policy = RetryPolicy { timeout: Duration::from_millis(5), tries: 8 };
         let mut client = Client::connect_from(line, policy, 0).unwrap();
         client.configure(&Settings::default()).unwrap();
         for (frame, expected) in (1..4).zip(&expected) {
             assert_eq!(&client.scan(frame).unwrap(), expected, "every {every}, scan {frame}");
         }
+        // The line has healed: after some scans, two reports of 32 beams are a scan again.
+        client.transport_mut().every = usize::MAX;
+        (0..60).for_each(|_| drop(client.scan(1)));
+        let before = client.transport_mut().sent;
+        client.scan(1).unwrap();
+        assert_eq!(client.transport_mut().sent - before, 2, "every {every}");
     }
 }
 
