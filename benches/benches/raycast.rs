@@ -75,6 +75,7 @@ fn town(criterion: &mut Criterion<CpuTime>, kind: SceneKind, seed: u64) {
         divergence_mrad: config.receiver.divergence_mrad,
         subrays: config.receiver.subrays,
         mirrors: false,
+        cats_eye_m2: 0.0,
     };
     let origin: [f32; 3] = pose.translation.vector.cast::<f32>().into();
     let rays: Vec<Vec<[f32; 3]>> =

@@ -33,5 +33,6 @@ pub mod raycast;
 pub mod roads;
 pub mod scanner;
 pub mod scene;
+pub mod stray_light;
 mod vector;
 pub mod viewpoint;

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use crate::mirror::image;
 use crate::raycast::{Hit, Raycaster};
 use crate::scene::Material;
+use crate::stray_light::{FAINTEST_PER_M2, ghosts};
 
 /// Range span within which returns merge, metres.
 ///
@@ -34,11 +35,14 @@ pub struct BeamOptics {
     pub subrays: u8,
     /// True to see what smooth surfaces mirror.
     pub mirrors: bool,
+    /// Area of the receiver as a retro-reflector, m² ([`crate::stray_light::cats_eye_m2`]); 0: no
+    /// ghosts.
+    pub cats_eye_m2: f64,
 }
 
 impl Default for BeamOptics {
     fn default() -> Self {
-        Self { divergence_mrad: [3.0, 1.5], subrays: 5, mirrors: false }
+        Self { divergence_mrad: [3.0, 1.5], subrays: 5, mirrors: false, cats_eye_m2: 0.0 }
     }
 }
 
@@ -86,6 +90,16 @@ pub fn scan_moving(
                     (f64::from(range), weight * f64::from(strength))
                 };
                 echoes.extend(image.map(weighted).filter(|(_, strength)| *strength > 0.0));
+            }
+        }
+        if optics.cats_eye_m2 > 0.0 {
+            for (hit, (_, weight)) in hits.iter().zip(&grid) {
+                let direct = hit.as_ref().and_then(|hit| echo(hit, materials, 1.0));
+                let again = direct
+                    .into_iter()
+                    .flat_map(|(range_m, strength)| ghosts(range_m, strength, optics.cats_eye_m2));
+                let weighted = again.map(|(range_m, strength)| (range_m, weight * strength));
+                echoes.extend(weighted.filter(|(_, strength)| *strength > FAINTEST_PER_M2));
             }
         }
         cluster(&mut echoes)
@@ -182,7 +196,7 @@ pub(crate) fn backscattered(material: &Material, cos_incidence: f32, range_m: f3
 
 /// Merges echoes within [`CLUSTER_SPAN_M`] of the nearest of their group; the range is the mean
 /// weighted by strength.
-fn cluster(echoes: &mut [(f64, f64)]) -> Vec<Return> {
+pub(crate) fn cluster(echoes: &mut [(f64, f64)]) -> Vec<Return> {
     echoes.sort_by(|a, b| a.0.total_cmp(&b.0));
     groups(echoes, CLUSTER_SPAN_M).map(merge).filter(|r| r.strength_per_m2 > 0.0).collect()
 }
@@ -205,7 +219,7 @@ fn groups(echoes: &[(f64, f64)], span_m: f64) -> impl Iterator<Item = &[(f64, f6
     })
 }
 
-fn collect(beams: Vec<Vec<Return>>) -> SceneResponse {
+pub(crate) fn collect(beams: Vec<Vec<Return>>) -> SceneResponse {
     let mut offsets = Vec::with_capacity(beams.len() + 1);
     offsets.push(0);
     let mut end = 0;

@@ -667,8 +667,8 @@ fn a_sensor_that_stands_still_scans_as_without_motion() {
     let directions = beams.directions(1);
     let scan =
         |config: &RunConfig| respond_at(config, &Arc::new(place()), &Pose::identity(), 1, &beams);
-    let optics =
-        BeamOptics { divergence_mrad: plain.receiver.divergence_mrad, subrays: 1, mirrors: false };
+    let divergence_mrad = plain.receiver.divergence_mrad;
+    let optics = BeamOptics { divergence_mrad, subrays: 1, ..BeamOptics::default() };
     let arrays: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
     let at_once = scanner::scan(&place().caster, MATERIALS, &Pose::identity(), &arrays, &optics);
     assert_eq!(scan(&plain), at_once);

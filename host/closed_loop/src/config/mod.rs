@@ -44,7 +44,7 @@ pub use load::{LoadError, Override, changed, load, parse, written};
 pub use motion::{JitterPer, Motion};
 pub use registration::RegistrationConfig;
 pub use scanner::ScannerConfig;
-pub use scene::{Mirrors, SceneConfig};
+pub use scene::{Mirrors, Retroreflectors, SceneConfig};
 pub use tune::TuneConfig;
 pub use weights::Weights;
 

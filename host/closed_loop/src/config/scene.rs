@@ -44,6 +44,9 @@ section! {
         mirrors: Mirrors, "", Mirrors::BOUNDS,
             "Surfaces that mirror others: `none`, `glass`, or `wet`, glass and wet streets, which \
              are darker as well.";
+        retroreflectors: Retroreflectors, "", Retroreflectors::BOUNDS,
+            "Signs and plates: `dim`, 50 times white, or `bright`, 1,131 times, as sheeting is, \
+             with glare in the channels that are fired together and ghosts at twice the range.";
         dressing: String, "", DRESSING,
             "What stands along the roads of an OpenDRIVE file: `structured` (houses wall to wall) \
              or `semi-structured` (houses in gardens).";
@@ -62,6 +65,16 @@ choice! {
     }
 }
 
+choice! {
+    /// Brightness of signs and plates.
+    pub enum Retroreflectors by default Dim {
+        /// As far as the receiver is not dazzled.
+        Dim = "dim",
+        /// As sheeting is, with what it does to the receiver.
+        Bright = "bright",
+    }
+}
+
 impl Default for SceneConfig {
     fn default() -> Self {
         Self {
@@ -72,6 +85,7 @@ impl Default for SceneConfig {
             libraries: "beside".into(),
             stored: String::new(),
             mirrors: Mirrors::None,
+            retroreflectors: Retroreflectors::Dim,
             dressing: "structured".into(),
         }
     }

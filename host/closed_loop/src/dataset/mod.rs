@@ -21,13 +21,14 @@ use echoloop_sim::mirror::wet_streets;
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{self, BeamOptics};
 use echoloop_sim::scene::Scene;
+use echoloop_sim::stray_light::{add_glare, brighten_signs, cats_eye_m2};
 use echoloop_sim::viewpoint::{
     PairPlan, PosePair, Sight, Split, ViewpointError, sample_pairs_between,
 };
 use thiserror::Error;
 
 use crate::beams::Beams;
-use crate::config::{Mirrors, Motion, RunConfig};
+use crate::config::{Mirrors, Motion, Retroreflectors, RunConfig};
 use crate::dataset::source::{Source, SourceError};
 use crate::seed::{Purpose, derive};
 use echoloop_clouds::pose::{Pose, relative};
@@ -183,6 +184,9 @@ pub fn place(config: &RunConfig, town: u64) -> Result<Place, DatasetError> {
     let mut scene = Source::of(&config.scene.source).scene(&config.scene, town)?;
     if config.scene.mirrors == Mirrors::Wet {
         wet_streets(&mut scene.materials);
+    }
+    if config.scene.retroreflectors == Retroreflectors::Bright {
+        brighten_signs(&mut scene.materials);
     }
     let caster = Raycaster::new(&scene);
     let later = scene.mesh_after(config.data.interval_s).map(|mesh| Raycaster::from_mesh(&mesh));
@@ -341,13 +345,19 @@ impl View {
         world_from_sensor: &Pose,
         viewpoint: u32,
     ) -> Self {
+        let RunConfig { scene, receiver, .. } = config;
+        let cats_eye_m2 = match scene.retroreflectors {
+            Retroreflectors::Dim => 0.0,
+            Retroreflectors::Bright => cats_eye_m2(receiver.aperture_m2(), receiver.transmission),
+        };
         Self {
             place: Arc::clone(place),
             is_later,
             optics: BeamOptics {
-                divergence_mrad: config.receiver.divergence_mrad,
-                subrays: config.receiver.subrays,
-                mirrors: config.scene.mirrors != Mirrors::None,
+                divergence_mrad: receiver.divergence_mrad,
+                subrays: receiver.subrays,
+                mirrors: scene.mirrors != Mirrors::None,
+                cats_eye_m2,
             },
             motion: config.motion,
             seed: derive(config.seed, Purpose::Motion, viewpoint.into()),
@@ -365,7 +375,7 @@ impl View {
     fn response(&self, beams: &Beams) -> SceneResponse {
         let directions = beams.directions(self.viewpoint);
         let directions: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
-        let response = match self.moves() {
+        let mut response = match self.moves() {
             false => self.along(&directions),
             true => {
                 let path = MotionPath::new(&self.motion, beams, self.world_from_sensor, self.seed);
@@ -375,7 +385,13 @@ impl View {
                 scanner::scan_moving(caster, &scene.materials, pose, &directions, optics)
             }
         };
-        SceneResponse { cells: beams.cells(), ..response }
+        // A steered sensor has one beam at a time.
+        let cells = beams.cells();
+        if self.optics.cats_eye_m2 > 0.0 && cells.is_empty() {
+            let together = |beam| beams.together(beam);
+            add_glare(&mut response, &directions, self.optics.divergence_mrad, together);
+        }
+        SceneResponse { cells, ..response }
     }
 
     /// Response to beams along unit vectors of the sensor's frame, from where it stands.
@@ -399,6 +415,8 @@ fn configured(sets: &[&str]) -> RunConfig {
 
 #[cfg(test)]
 mod tests {
+    use echoloop_frontend::Return;
+
     use super::*;
 
     fn config(more: &[&str]) -> RunConfig {
@@ -435,6 +453,27 @@ mod tests {
         assert!(dry < glass && glass < wet, "{dry}, {glass}, {wet} returns");
         let less = none.iter().zip(&darker).filter(|(dry, wet)| **wet < 0.8 * **dry).count();
         assert!(less > none.len() / 5, "{less} of {} beams", none.len());
+    }
+
+    #[test]
+    fn bright_signs_glare_into_the_beams_of_their_column() {
+        let seen = |more: &[&str]| {
+            let few = ["scene.source=structured", "scanner.columns=360", "scanner.rows=32"];
+            let config = config(&[&few[..], more].concat());
+            let dataset = Dataset::build(&config, &|_, _| ()).unwrap();
+            let seen = dataset.train[0].first.to(&dataset.beams);
+            (0..seen.len()).map(|beam| seen.of(beam).to_vec()).collect::<Vec<_>>()
+        };
+        let (dim, bright) = (seen(&[]), seen(&["scene.retroreflectors=bright"]));
+        let differ: Vec<usize> = (0..dim.len()).filter(|&i| dim[i] != bright[i]).collect();
+        let strongest =
+            |beam: &[Return]| beam.iter().map(|of| of.strength_per_m2).fold(0.0, f32::max);
+        let is_sign = |&&i: &&usize| strongest(&bright[i]) > 5.0 * strongest(&dim[i]);
+        let signs = differ.iter().filter(is_sign).count();
+        assert!(signs > 4 && differ.len() > 2 * signs, "{signs} of {}", differ.len());
+        // Beams of a column, 32, see the light of one of them.
+        let dazzles = |beam: &Vec<Return>| strongest(beam) > 0.05;
+        assert!(differ.iter().all(|i| bright[i / 32 * 32..][..32].iter().any(dazzles)));
     }
 
     #[test]

@@ -29,7 +29,7 @@ use super::pairs::{Dataset, ScanPair, viewpoints};
 use super::response::Response;
 use crate::beams::Beams;
 use crate::checksum::Checksum;
-use crate::config::{RunConfig, parse, written};
+use crate::config::{Retroreflectors, RunConfig, parse, written};
 use crate::dataset::fingerprint::SceneFiles;
 use crate::dataset::source::Source;
 use echoloop_clouds::pose::{Pose, relative};
@@ -229,6 +229,10 @@ fn shaping(config: &RunConfig) -> RunConfig {
     own.data.success_rotation_deg = usual.data.success_rotation_deg;
     own.receiver.divergence_mrad = config.receiver.divergence_mrad;
     own.receiver.subrays = config.receiver.subrays;
+    if config.scene.retroreflectors == Retroreflectors::Bright {
+        own.receiver.aperture_mm = config.receiver.aperture_mm;
+        own.receiver.transmission = config.receiver.transmission;
+    }
     own
 }
 
@@ -429,6 +433,16 @@ mod tests {
         };
         let (own, found): (Vec<_>, Vec<_>) = (bits(&traced), bits(&back));
         assert_eq!(own, found);
+    }
+
+    #[test]
+    fn bright_signs_bind_stored_pairs_to_the_aperture() {
+        let bright =
+            |more: &[&str]| config(&[&["scene.retroreflectors=bright"][..], more].concat());
+        let own = bright(&[]);
+        let bytes = stored(&own, &Dataset::build(&own, &|_, _| ()).unwrap()).unwrap();
+        let other = load(&bytes, &bright(&["receiver.aperture_mm=30"])).unwrap_err();
+        assert!(other.contains("receiver.aperture_mm = 25.0"), "{other}");
     }
 
     #[test]
