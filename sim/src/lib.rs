@@ -28,6 +28,7 @@
 pub mod ideal;
 pub mod import;
 pub mod mirror;
+pub mod other_lidar;
 pub mod picture;
 pub mod raycast;
 pub mod roads;

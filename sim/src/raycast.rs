@@ -44,6 +44,16 @@ pub struct Hit {
     pub material: u8,
 }
 
+/// Surface that a ray meets.
+pub(crate) struct Met {
+    pub(crate) range_m: f32,
+    /// Place a millimetre before the surface.
+    pub(crate) before: [f32; 3],
+    /// Unit normal of the side that faces the ray.
+    pub(crate) normal: [f32; 3],
+    pub(crate) material: u8,
+}
+
 /// A bounding volume hierarchy over a scene's triangles.
 ///
 /// Triangles count from both sides. Neighbours that share an edge leave no gap: the test of Woop,
@@ -139,14 +149,22 @@ impl Raycaster {
         origin: [f32; 3],
         direction: [f32; 3],
     ) -> Option<([f32; 3], [f32; 3])> {
-        let met = nearest_single(&self.nodes, &self.triangles, origin, direction, f32::INFINITY);
-        let [a, b, c] = self.triangles.get(met.slot as usize)?.corners;
-        let across = cross(sub(b, a), sub(c, a));
-        let normal = across.map(|x| x / dot(across, across).sqrt());
+        let Met { before, normal, .. } = self.meet(origin, direction)?;
         let along = dot(direction, normal);
-        let before = 1e-3 * along.signum();
-        let from = [0, 1, 2].map(|i| origin[i] + met.range_m * direction[i] - before * normal[i]);
-        Some((from, [0, 1, 2].map(|i| direction[i] - 2.0 * along * normal[i])))
+        Some((before, [0, 1, 2].map(|i| direction[i] - 2.0 * along * normal[i])))
+    }
+
+    /// First surface that a ray meets, with the side that faces it.
+    pub(crate) fn meet(&self, origin: [f32; 3], direction: [f32; 3]) -> Option<Met> {
+        let met = nearest_single(&self.nodes, &self.triangles, origin, direction, f32::INFINITY);
+        let triangle = self.triangles.get(met.slot as usize)?;
+        let [a, b, c] = triangle.corners;
+        let across = cross(sub(b, a), sub(c, a));
+        let towards = -dot(direction, across).signum();
+        let normal = across.map(|x| towards * x / dot(across, across).sqrt());
+        let at = [0, 1, 2].map(|i| origin[i] + met.range_m * direction[i]);
+        let before = [0, 1, 2].map(|i| at[i] + 1e-3 * normal[i]);
+        Some(Met { range_m: met.range_m, before, normal, material: triangle.material })
     }
 
     /// True when no surface lies between two points, metres.

@@ -124,6 +124,17 @@ fn footprint(optics: &BeamOptics) -> Vec<SubRay> {
     grid.into_iter().map(|(at, weight)| (at, weight / total)).collect()
 }
 
+/// World directions of the sub-rays of a beam, with their shares of the power.
+pub(crate) fn sub_rays_and_weights(
+    direction: &[f32; 3],
+    optics: &BeamOptics,
+    world_from_sensor: &Isometry3<f64>,
+) -> impl Iterator<Item = ([f32; 3], f64)> {
+    let grid = footprint(optics);
+    let rays = spread(direction, &grid, world_from_sensor);
+    rays.into_iter().zip(grid).map(|(ray, (_, weight))| (ray, weight))
+}
+
 /// World directions of the sub-rays of a beam, unit vectors, row by row of increasing elevation.
 #[must_use]
 pub fn sub_rays(

@@ -21,6 +21,8 @@ pub enum Purpose {
     Motion = 8,
     /// Noise of the check of the last choice.
     Check = 9,
+    /// Place of another LiDAR.
+    OtherLidar = 10,
     /// Draws of the search for a front.
     Front = 16,
     /// Noise of the search for a front.

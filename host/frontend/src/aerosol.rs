@@ -7,6 +7,7 @@ use crate::light::Return;
 use crate::litl_units as litl;
 use crate::mode::Mode;
 use crate::noise::Purpose;
+use crate::other_lidar::PulseWithin;
 use crate::receiver::Receiver;
 
 /// Light that reaches the receiver.
@@ -15,6 +16,8 @@ pub(crate) struct Light<'a> {
     pub(crate) returns: &'a [Return],
     /// Signal of each sample besides the returns: µA, or units of the compatibility mode.
     pub(crate) background: &'a [f32],
+    /// Another LiDAR's pulse.
+    pub(crate) other: Option<PulseWithin>,
 }
 
 /// Weather in front of the receiver, with its working memory.
@@ -66,6 +69,6 @@ impl Aerosol {
         // All shots of a beam are fired within microseconds: they meet the same drops.
         let still = Purpose::Hydrometeors.for_shot(seed, Trigger { shot: 0, ..trigger });
         self.hydrometeors.add(still, &mut self.returns);
-        Light { returns: &self.returns, background: &self.background }
+        Light { returns: &self.returns, background: &self.background, other: None }
     }
 }

@@ -25,6 +25,7 @@
 //! | fog, rain, snow: extinction, drops, backscatter | [`Weather`] |
 //! | pulse, receiver equation, ambient light | [`Receiver`] |
 //! | shot and amplifier noise, gain, clip, overload, converter | [`synthesise`] |
+//! | pulses of another LiDAR | [`OtherLight`] |
 //! | dead and weak channels, jitter | [`Channel`], [`Receiver`] |
 //! | all of them, behind a sensor's registers | [`WaveformFrontEnd`] |
 //! | photon counts in arbitrary units, to compare simulators | [`litl`] |
@@ -45,6 +46,7 @@ pub mod litl;
 mod litl_units;
 mod mode;
 mod noise;
+mod other_lidar;
 mod pulse;
 mod receiver;
 mod shares;
@@ -55,7 +57,7 @@ mod weather;
 pub use board::{Analog, FrontEnd, ScanNoise, Trigger};
 pub use channel::Channel;
 pub use exposure::{Exposure, ShotBuffers};
-pub use light::{Return, SceneResponse};
+pub use light::{OtherLight, Return, SceneResponse};
 pub use mode::Mode;
 pub use noise::{before_the_trigger, noise_key, shaking};
 pub use receiver::Receiver;

@@ -10,6 +10,15 @@ pub struct Return {
     pub strength_per_m2: f32,
 }
 
+/// Light of another LiDAR's pulse that a beam sees while the pulse lasts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OtherLight {
+    /// Irradiance at the aperture, from within the beam's field of view, in clear air, W/m².
+    pub irradiance_w_m2: f32,
+    /// Way of the light through the air, m.
+    pub path_m: f32,
+}
+
 /// Returns of every beam, by increasing range within a beam.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneResponse {
@@ -20,6 +29,8 @@ pub struct SceneResponse {
     /// Cell that each beam is steered to, column · 2¹⁶ + row, rising; none where no beam is
     /// steered.
     pub cells: Vec<u32>,
+    /// Light of another LiDAR in each beam; none where there is no other.
+    pub other: Vec<OtherLight>,
 }
 
 impl SceneResponse {
@@ -55,11 +66,21 @@ impl SceneResponse {
     /// is not steered is known by its number, and has none beyond the last.
     #[must_use]
     pub fn at(&self, beam: usize, cell: u32) -> &[Return] {
-        let known = match self.cells.is_empty() {
+        self.index(beam, cell).map_or(&[], |beam| self.of(beam))
+    }
+
+    /// Light of another LiDAR in such a beam.
+    #[must_use]
+    pub fn other_at(&self, beam: usize, cell: u32) -> Option<OtherLight> {
+        let light = self.other.get(self.index(beam, cell)?)?;
+        Some(*light).filter(|light| light.irradiance_w_m2 > 0.0)
+    }
+
+    fn index(&self, beam: usize, cell: u32) -> Option<usize> {
+        match self.cells.is_empty() {
             true => Some(beam).filter(|beam| *beam < self.len()),
             false => self.cells.binary_search(&cell).ok(),
-        };
-        known.map_or(&[], |beam| self.of(beam))
+        }
     }
 }
 
@@ -73,7 +94,7 @@ mod tests {
         let fixed = SceneResponse {
             beams: vec![0, 1, 1, 3],
             returns: vec![back(1.0), back(2.0), back(3.0)],
-            cells: Vec::new(),
+            ..SceneResponse::default()
         };
         assert_eq!(fixed.at(2, 7), &[back(2.0), back(3.0)], "a beam that is not steered");
         assert!(fixed.at(3, 0).is_empty(), "a beam beyond the last");

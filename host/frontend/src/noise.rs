@@ -37,6 +37,8 @@ pub(crate) enum Purpose {
     PhotonsBefore = 5,
     /// Vibration of the sensor.
     Shaking = 6,
+    /// Moments of another LiDAR's pulses.
+    OtherLidar = 7,
 }
 
 impl Purpose {

@@ -32,6 +32,11 @@ impl Pulse {
     /// returns the span of samples that it reaches.
     pub(crate) fn add(&self, range_m: f64, current: f64, signal: &mut [f32]) -> Range<usize> {
         let begin = (2.0 * range_m / SPEED_OF_LIGHT_M_NS - self.delay_ns) / self.sample_period_ns;
+        self.add_from(begin, current, signal)
+    }
+
+    /// As [`Pulse::add`], from a moment in samples on.
+    pub(crate) fn add_from(&self, begin: f64, current: f64, signal: &mut [f32]) -> Range<usize> {
         let first = (begin.ceil().max(0.0)) as usize;
         let last = (begin + self.length).ceil().clamp(0.0, signal.len() as f64) as usize;
         let Some(samples) = signal.get_mut(first..last) else { return 0..0 };

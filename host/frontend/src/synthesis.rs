@@ -21,14 +21,21 @@ use crate::receiver::Receiver;
 pub fn synthesise(exposure: &Exposure<'_>, buffers: &mut ShotBuffers, codes: &mut [u16]) {
     let Exposure { receiver, analog, returns, background, key } = *exposure;
     let prepared = Prepared::new(receiver, analog, codes.len());
-    render(&prepared, Light { returns, background }, key, buffers, codes);
+    render(&prepared, Light { returns, background, other: None }, key, buffers, codes);
 }
 
 /// [`synthesise`] as compiled for the target's baseline.
 pub fn synthesise_baseline(exposure: &Exposure<'_>, buffers: &mut ShotBuffers, codes: &mut [u16]) {
     let Exposure { receiver, analog, returns, background, key } = *exposure;
     let prepared = Prepared::new(receiver, analog, codes.len());
-    render_with(&prepared, Light { returns, background }, key, buffers, codes, normals_baseline);
+    render_with(
+        &prepared,
+        Light { returns, background, other: None },
+        key,
+        buffers,
+        codes,
+        normals_baseline,
+    );
 }
 
 /// Constants shared by all shots with the same settings.
@@ -81,7 +88,7 @@ dispatch! {
 #[inline(always)]
 fn render_with(
     prepared: &Prepared,
-    Light { returns, background }: Light<'_>,
+    Light { returns, background, other }: Light<'_>,
     key: Key,
     buffers: &mut ShotBuffers,
     codes: &mut [u16],
@@ -92,6 +99,9 @@ fn render_with(
         let (range_m, strength_per_m2) = (f64::from(echo.range_m), f64::from(echo.strength_per_m2));
         let current_ua = prepared.peak_ua(range_m, strength_per_m2);
         shot.lit.push(prepared.pulse.add(range_m, current_ua, shot.signal_ua));
+    }
+    if let Some(other) = other {
+        shot.lit.push(other.add(shot.signal_ua));
     }
     normals(key, shot.normal);
     prepared.digitiser.convert(shot.lit, shot.signal_ua, shot.normal, codes);

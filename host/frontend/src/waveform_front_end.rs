@@ -11,6 +11,7 @@ use crate::light::SceneResponse;
 use crate::litl;
 use crate::mode::Mode;
 use crate::noise::{Purpose, before_the_trigger, noise_key};
+use crate::other_lidar::OtherPulse;
 use crate::receiver::Receiver;
 use crate::synthesis::{Prepared, render};
 use crate::weather::Weather;
@@ -64,7 +65,7 @@ impl Rendering {
         codes: &mut [u16],
     ) {
         if receiver.mode == Mode::LitlCompat {
-            let Light { returns, background } = light;
+            let Light { returns, background, .. } = light;
             let exposure = Exposure { receiver, analog, returns, background, key };
             return litl::synthesise(&exposure, photons(), &mut self.buffers, codes);
         }
@@ -85,24 +86,30 @@ impl FrontEnd for WaveformFrontEnd {
     }
 
     fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {
-        let Some(analog) = self.receiver.hear(analog, self.seed, trigger) else {
+        let Some(heard) = self.receiver.hear(analog, self.seed, trigger) else {
             return codes.fill(0);
         };
+        let share = heard.power_w / analog.power_w;
+        let analog = heard;
         let Self { receiver, scene, seed, cell, aerosol, before, window } = self;
         let key = noise_key(*seed, trigger);
+        let other = scene.other_at(trigger.beam as usize, *cell);
+        let other = other.map(|light| OtherPulse::at(receiver, light, share, (*seed, trigger)));
         let (early, codes) = codes.split_at_mut(analog.pre_trigger.min(codes.len()));
         if !early.is_empty() {
             // The gain is full until the pulse leaves; then it falls and rises again.
             let quiet = Analog { gain_slope_db_ns: 0.0, ..analog };
             let photons = || Purpose::PhotonsBefore.for_shot(*seed, trigger);
             let noise = (before_the_trigger(key), photons);
-            before.render(receiver, &quiet, Light::default(), noise, early);
+            let other = other.as_ref().map(|pulse| pulse.before_trigger(&quiet));
+            before.render(receiver, &quiet, Light { other, ..Light::default() }, noise, early);
         }
         let returns = scene.at(trigger.beam as usize, *cell);
         let light = match aerosol {
             Some(air) => air.fill(receiver, &analog, returns, (*seed, trigger), codes.len()),
-            None => Light { returns, background: &[] },
+            None => Light { returns, ..Light::default() },
         };
+        let light = Light { other: other.map(|pulse| pulse.in_window(&analog)), ..light };
         let photons = || Purpose::Photons.for_shot(*seed, trigger);
         window.render(receiver, &analog, light, (key, photons), codes);
     }

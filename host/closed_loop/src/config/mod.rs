@@ -22,7 +22,7 @@ use std::path::PathBuf;
 
 use echoloop_dsp::Hardware;
 use echoloop_files::one_line;
-use echoloop_frontend::{Receiver, Weather};
+use echoloop_frontend::{Mode, Receiver, Weather};
 use echoloop_parameters::Refused;
 use echoloop_sensors::boards::pc::hardware_for;
 use serde::{Deserialize, Serialize};
@@ -44,7 +44,7 @@ pub use load::{LoadError, Override, changed, load, parse, written};
 pub use motion::{JitterPer, Motion};
 pub use registration::RegistrationConfig;
 pub use scanner::ScannerConfig;
-pub use scene::{Mirrors, Retroreflectors, SceneConfig};
+pub use scene::{Interference, Mirrors, Retroreflectors, SceneConfig};
 pub use tune::TuneConfig;
 pub use weights::Weights;
 
@@ -204,7 +204,21 @@ impl RunConfig {
         self.tune.check()?;
         self.check_aim()?;
         self.front.check_keys()?;
+        self.check_interference()?;
         self.scene.check()
+    }
+
+    fn check_interference(&self) -> Result<(), Refused> {
+        let both =
+            self.scene.interference != Interference::None && self.receiver.mode == Mode::LitlCompat;
+        match both {
+            false => Ok(()),
+            true => Err(Refused {
+                key: "scene.interference",
+                value: self.scene.interference.name().into(),
+                problem: ": receiver.mode = litl-compat has no watts".into(),
+            }),
+        }
     }
 }
 
@@ -216,6 +230,17 @@ pub fn default_runs_folder() -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn another_lidar_is_refused_where_light_has_no_watts() {
+        let mut config = RunConfig::default();
+        config.receiver.mode = Mode::LitlCompat;
+        assert_eq!(config.check(), Ok(()));
+        config.scene.interference = Interference::Flash;
+        let said = config.check().unwrap_err().to_string();
+        let expected = "scene.interference = flash: receiver.mode = litl-compat has no watts";
+        assert_eq!(said, expected);
+    }
 
     #[test]
     fn the_energy_limit_of_the_hardware_is_the_configured_one() {

@@ -47,6 +47,9 @@ section! {
         retroreflectors: Retroreflectors, "", Retroreflectors::BOUNDS,
             "Signs and plates: `dim`, 50 times white, or `bright`, 1,131 times, as sheeting is, \
              with glare in the channels that are fired together and ghosts at twice the range.";
+        interference: Interference, "", Interference::BOUNDS,
+            "Another LiDAR: `none`, or `flash`, that of a vehicle 5 to 25 m away, which fires into \
+             one shot in twelve at any moment. Not with `receiver.mode` = `litl-compat`.";
         dressing: String, "", DRESSING,
             "What stands along the roads of an OpenDRIVE file: `structured` (houses wall to wall) \
              or `semi-structured` (houses in gardens).";
@@ -62,6 +65,16 @@ choice! {
         Glass = "glass",
         /// Glass, and streets under a film of water.
         Wet = "wet",
+    }
+}
+
+choice! {
+    /// Other LiDARs.
+    pub enum Interference by default None {
+        /// None.
+        None = "none",
+        /// A flash LiDAR of another vehicle.
+        Flash = "flash",
     }
 }
 
@@ -86,6 +99,7 @@ impl Default for SceneConfig {
             stored: String::new(),
             mirrors: Mirrors::None,
             retroreflectors: Retroreflectors::Dim,
+            interference: Interference::None,
             dressing: "structured".into(),
         }
     }

@@ -107,6 +107,10 @@ fn add_scan(sum: &mut Running, scan: &SceneResponse) {
         sum.add(&back.range_m.to_bits().to_le_bytes());
         sum.add(&back.strength_per_m2.to_bits().to_le_bytes());
     }
+    for light in &scan.other {
+        sum.add(&light.irradiance_w_m2.to_bits().to_le_bytes());
+        sum.add(&light.path_m.to_bits().to_le_bytes());
+    }
 }
 
 /// Checksum of the material libraries of an OBJ, in their order; `None` without any, and for a

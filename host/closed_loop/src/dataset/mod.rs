@@ -18,6 +18,7 @@ use std::sync::Arc;
 use echoloop_dsp::ScanPattern;
 use echoloop_frontend::SceneResponse;
 use echoloop_sim::mirror::wet_streets;
+use echoloop_sim::other_lidar::OtherLidar;
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{self, BeamOptics};
 use echoloop_sim::scene::Scene;
@@ -28,7 +29,7 @@ use echoloop_sim::viewpoint::{
 use thiserror::Error;
 
 use crate::beams::Beams;
-use crate::config::{Mirrors, Motion, Retroreflectors, RunConfig};
+use crate::config::{Interference, Mirrors, Motion, Retroreflectors, RunConfig};
 use crate::dataset::source::{Source, SourceError};
 use crate::seed::{Purpose, derive};
 use echoloop_clouds::pose::{Pose, relative};
@@ -330,6 +331,7 @@ struct View {
     /// True where what moves in the scene has moved on.
     is_later: bool,
     optics: BeamOptics,
+    other: Option<OtherLidar>,
     motion: Motion,
     /// Seed of the sensor's jitter.
     seed: u64,
@@ -350,6 +352,13 @@ impl View {
             Retroreflectors::Dim => 0.0,
             Retroreflectors::Bright => cats_eye_m2(receiver.aperture_m2(), receiver.transmission),
         };
+        let caster = place.casters()[usize::from(is_later)];
+        let sensor = world_from_sensor.translation.vector.cast::<f32>().into();
+        let other = || {
+            let seed = derive(config.seed, Purpose::OtherLidar, viewpoint.into());
+            OtherLidar::near(caster, sensor, seed)
+        };
+        let has_other = scene.interference != Interference::None;
         Self {
             place: Arc::clone(place),
             is_later,
@@ -359,6 +368,7 @@ impl View {
                 mirrors: scene.mirrors != Mirrors::None,
                 cats_eye_m2,
             },
+            other: has_other.then(other),
             motion: config.motion,
             seed: derive(config.seed, Purpose::Motion, viewpoint.into()),
             world_from_sensor: *world_from_sensor,
@@ -379,10 +389,7 @@ impl View {
             false => self.along(&directions),
             true => {
                 let path = MotionPath::new(&self.motion, beams, self.world_from_sensor, self.seed);
-                let Place { scene, .. } = &*self.place;
-                let pose = |beam| path.world_from_sensor(beam);
-                let (caster, optics) = (self.caster(), &self.optics);
-                scanner::scan_moving(caster, &scene.materials, pose, &directions, optics)
+                self.from(|beam| path.world_from_sensor(beam), &directions)
             }
         };
         // A steered sensor has one beam at a time.
@@ -396,9 +403,17 @@ impl View {
 
     /// Response to beams along unit vectors of the sensor's frame, from where it stands.
     fn along(&self, directions: &[[f32; 3]]) -> SceneResponse {
-        let materials = &self.place.scene.materials;
-        let pose = &self.world_from_sensor;
-        scanner::scan(self.caster(), materials, pose, directions, &self.optics)
+        self.from(|_| self.world_from_sensor, directions)
+    }
+
+    fn from(&self, pose: impl Fn(usize) -> Pose + Sync, directions: &[[f32; 3]]) -> SceneResponse {
+        let (caster, materials) = (self.caster(), &self.place.scene.materials[..]);
+        let Self { optics, other, .. } = self;
+        let mut response = scanner::scan_moving(caster, materials, &pose, directions, optics);
+        if let Some(other) = other {
+            other.light(&mut response, (caster, materials), &pose, directions, optics);
+        }
+        response
     }
 
     fn caster(&self) -> &Raycaster {

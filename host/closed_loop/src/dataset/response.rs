@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use echoloop_dsp::Grid;
-use echoloop_frontend::{Return, SceneResponse};
+use echoloop_frontend::{OtherLight, Return, SceneResponse};
 
 use super::View;
 use crate::beams::Beams;
@@ -55,8 +55,14 @@ pub struct Raster {
 /// Returns of the cells traced so far.
 #[derive(Default)]
 struct Traced {
-    cells: HashMap<u32, Range<u32>>,
+    cells: HashMap<u32, Cell>,
     returns: Vec<Return>,
+}
+
+/// What a beam to one cell sees: a span of the returns, and another LiDAR.
+struct Cell {
+    returns: Range<u32>,
+    other: Option<OtherLight>,
 }
 
 impl Raster {
@@ -117,23 +123,24 @@ impl Traced {
             cells.entry(cell).or_insert_with(|| {
                 let start = returns.len() as u32; // 810,000 cells of 25 returns at most
                 returns.extend(response.of(beam));
-                start..returns.len() as u32
+                let other = response.other.get(beam).copied();
+                Cell { returns: start..returns.len() as u32, other }
             });
         }
     }
 
     /// Response to beams that point to these cells; those that are missing, if any is.
     fn of(&self, cells: &[u32]) -> Result<SceneResponse, Vec<u32>> {
-        let known: Vec<Option<&Range<u32>>> =
-            cells.iter().map(|cell| self.cells.get(cell)).collect();
-        if known.contains(&None) {
-            let missing = cells.iter().zip(&known).filter(|(_, range)| range.is_none());
+        let known: Vec<Option<&Cell>> = cells.iter().map(|cell| self.cells.get(cell)).collect();
+        if known.iter().any(Option::is_none) {
+            let missing = cells.iter().zip(&known).filter(|(_, known)| known.is_none());
             return Err(missing.map(|(cell, _)| *cell).collect());
         }
         let mut response = SceneResponse { beams: vec![0], ..SceneResponse::default() };
-        for range in known.into_iter().flatten() {
-            response.returns.extend(&self.returns[range.start as usize..range.end as usize]);
+        for Cell { returns, other } in known.into_iter().flatten() {
+            response.returns.extend(&self.returns[returns.start as usize..returns.end as usize]);
             response.beams.push(response.returns.len() as u32);
+            response.other.extend(other);
         }
         Ok(response)
     }
@@ -157,7 +164,8 @@ mod tests {
     fn every_aim_sees_what_tracing_it_alone_would_show() {
         let small = ["scanner.pattern=steered", "scanner.columns=40", "scanner.rows=16"];
         let pairs = ["data.train_pairs=1", "data.test_pairs=1", "data.check_pairs=0"];
-        let config = configured(&[&small[..], &pairs[..]].concat());
+        let other = ["scene.interference=flash", "scene.retroreflectors=bright"];
+        let config = configured(&[&small[..], &pairs[..], &other[..]].concat());
         let dataset = Dataset::build(&config, &|_, _| ()).unwrap();
         let Response::Steered(raster) = &dataset.train[0].first else { panic!("steered") };
         let mut traced = 0;
@@ -172,6 +180,7 @@ mod tests {
             assert!(*dataset.train[0].first.to(&beams) == alone, "{settings:?}");
             assert_eq!(alone.len(), beams.directions(1).len());
             assert!(alone.returns.len() > alone.len() / 3, "sees something");
+            assert!(alone.other.iter().any(|light| light.irradiance_w_m2 > 0.0), "is lit");
             traced += alone.len();
         }
         // The first aim again costs nothing.

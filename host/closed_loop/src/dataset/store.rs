@@ -9,7 +9,7 @@
 //! scans, first and second of each pair to tune on, then of each to judge on: the number of returns
 //! of each beam (u16), then all ranges, then all strengths (f32). Of the floats the first bytes of
 //! all numbers come first, then the second bytes, and so on: exponents are alike, and zlib packs
-//! them better side by side.
+//! them better side by side. With another LiDAR, its irradiances and paths follow, one a beam.
 
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 use echoloop_dsp::ParameterId;
 use echoloop_files::{one_line, read_data};
-use echoloop_frontend::{Return, SceneResponse};
+use echoloop_frontend::{OtherLight, Return, SceneResponse};
 use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
@@ -29,7 +29,7 @@ use super::pairs::{Dataset, ScanPair, viewpoints};
 use super::response::Response;
 use crate::beams::Beams;
 use crate::checksum::Checksum;
-use crate::config::{Retroreflectors, RunConfig, parse, written};
+use crate::config::{Interference, Retroreflectors, RunConfig, parse, written};
 use crate::dataset::fingerprint::SceneFiles;
 use crate::dataset::source::Source;
 use echoloop_clouds::pose::{Pose, relative};
@@ -151,7 +151,8 @@ pub(super) fn load_stored(
             "holds {train} and {test} pairs, not those of its configuration"
         )));
     }
-    read_pairs(header, body, bytes.len() as u64, beams).map_err(fail)
+    let has_other = config.scene.interference != Interference::None;
+    read_pairs(header, body, bytes.len() as u64, (beams, has_other)).map_err(fail)
 }
 
 /// Pattern of the beams as text; a table's has the hash of its beams.
@@ -253,11 +254,17 @@ fn first_difference(
     (stored != now).then(|| (path.to_owned(), stored.to_string(), now.to_string()))
 }
 
-fn read_pairs(header: Header, body: &[u8], file: u64, beams: Beams) -> Result<Dataset, String> {
+fn read_pairs(
+    header: Header,
+    body: &[u8],
+    file: u64,
+    (beams, has_other): (Beams, bool),
+) -> Result<Dataset, String> {
     let heads = || header.train.iter().chain(&header.test);
     let (count, of_beams) = (heads().count() as u64, u64::from(beams.pattern().beams()));
     let returns = heads().flat_map(|head| head.returns).map(|n| n.min(MOST_RETURNS + 1));
-    let size = 2 * count * 2 * of_beams + 8 * returns.sum::<u64>();
+    let of_beam = if has_other { 2 + 8 } else { 2 };
+    let size = 2 * count * of_beam * of_beams + 8 * returns.sum::<u64>();
     if size > MOST_GROWTH * file + ROOM {
         return Err("says that it holds far more than its size".into());
     }
@@ -265,7 +272,7 @@ fn read_pairs(header: Header, body: &[u8], file: u64, beams: Beams) -> Result<Da
     let cells = beams.cells();
     let mut pairs = |heads: Vec<Head>, first: usize| -> Result<Vec<ScanPair>, String> {
         let numbered = (first..).zip(heads);
-        let size = (of_beams as usize, &cells[..]);
+        let size = ((of_beams as usize, has_other), &cells[..]);
         numbered.map(|(number, head)| head.with(number, &mut body, size)).collect()
     };
     let judged_from = header.train.len();
@@ -291,7 +298,7 @@ impl Head {
         self,
         number: usize,
         body: &mut impl Read,
-        (beams, cells): (usize, &[u32]),
+        (beams, cells): ((usize, bool), &[u32]),
     ) -> Result<ScanPair, String> {
         if !(0.0..=1.0).contains(&self.overlap) || self.place.contains(char::is_control) {
             return Err("holds a pair that is none".into());
@@ -340,10 +347,16 @@ fn write_scan(body: &mut impl Write, scan: &SceneResponse) -> std::io::Result<()
     let counts = scan.beams.windows(2).map(|pair| (pair[1] - pair[0]) as u16);
     body.write_all(&counts.flat_map(u16::to_le_bytes).collect::<Vec<u8>>())?;
     body.write_all(&planes(scan.returns.iter().map(|one| one.range_m)))?;
-    body.write_all(&planes(scan.returns.iter().map(|one| one.strength_per_m2)))
+    body.write_all(&planes(scan.returns.iter().map(|one| one.strength_per_m2)))?;
+    body.write_all(&planes(scan.other.iter().map(|light| light.irradiance_w_m2)))?;
+    body.write_all(&planes(scan.other.iter().map(|light| light.path_m)))
 }
 
-fn read_scan(body: &mut impl Read, beams: usize, returns: u64) -> Result<SceneResponse, String> {
+fn read_scan(
+    body: &mut impl Read,
+    (beams, has_other): (usize, bool),
+    returns: u64,
+) -> Result<SceneResponse, String> {
     let cut = || "holds less than it says".to_owned();
     let count = usize::try_from(returns).ok().filter(|_| returns <= MOST_RETURNS);
     let count = count.ok_or("says that it holds more returns than a scan has")?;
@@ -361,11 +374,16 @@ fn read_scan(body: &mut impl Read, beams: usize, returns: u64) -> Result<SceneRe
     if ends.last() != Some(&returns) {
         return Err("holds beams whose returns are not as many as it says".into());
     }
-    let beams = ends.iter().map(|&end| end as u32).collect(); // no more than there are returns
     let (ranges, strengths) = (take(4 * count)?, take(4 * count)?);
+    let lights = if has_other { 4 * beams } else { 0 };
+    let (lights, paths) = (take(lights)?, take(lights)?);
+    let other = numbers(&lights).zip(numbers(&paths));
+    let other = other.map(|(irradiance_w_m2, path_m)| OtherLight { irradiance_w_m2, path_m });
+    let beams = ends.iter().map(|&end| end as u32).collect(); // no more than there are returns
     let each = numbers(&ranges).zip(numbers(&strengths));
     let returns = each.map(|(range_m, strength_per_m2)| Return { range_m, strength_per_m2 });
-    let scan = SceneResponse { beams, returns: returns.collect(), ..SceneResponse::default() };
+    let (returns, other, cells) = (returns.collect(), other.collect(), Vec::new());
+    let scan = SceneResponse { beams, returns, cells, other };
     is_sound(&scan).then_some(scan).ok_or_else(|| "holds a return that is none".into())
 }
 
@@ -377,7 +395,10 @@ fn is_sound(scan: &SceneResponse) -> bool {
             && one.strength_per_m2.is_finite()
     };
     let rise = |beam| scan.of(beam).is_sorted_by(|a, b| a.range_m <= b.range_m);
-    scan.returns.iter().all(number) && (0..scan.len()).all(rise)
+    let light = |of: &OtherLight| {
+        [of.irradiance_w_m2, of.path_m].iter().all(|value| (0.0..f32::INFINITY).contains(value))
+    };
+    scan.other.iter().all(light) && scan.returns.iter().all(number) && (0..scan.len()).all(rise)
 }
 
 /// First bytes of all numbers, then all second bytes, third, fourth.
@@ -422,17 +443,19 @@ mod tests {
 
     #[test]
     fn pairs_read_back_bit_for_bit() {
-        let config = config(&[]);
-        let traced = Dataset::build(&config, &|_, _| ()).unwrap();
-        let bytes = stored(&config, &traced).unwrap();
-        let back = load(&bytes, &config).unwrap();
-        let text = |set: &Dataset| format!("{:?} {:?} {}", set.train, set.test, set.triangles);
-        assert_eq!(text(&back), text(&traced));
-        let bits = |set: &Dataset| {
-            set.train.iter().map(|pair| Placed::from(pair.truth).0.map(f64::to_bits)).collect()
-        };
-        let (own, found): (Vec<_>, Vec<_>) = (bits(&traced), bits(&back));
-        assert_eq!(own, found);
+        for more in [&[][..], &["scene.interference=flash"]] {
+            let config = config(more);
+            let traced = Dataset::build(&config, &|_, _| ()).unwrap();
+            let bytes = stored(&config, &traced).unwrap();
+            let back = load(&bytes, &config).unwrap();
+            let text = |set: &Dataset| format!("{:?} {:?} {}", set.train, set.test, set.triangles);
+            assert_eq!(text(&back), text(&traced));
+            let bits = |set: &Dataset| {
+                set.train.iter().map(|pair| Placed::from(pair.truth).0.map(f64::to_bits)).collect()
+            };
+            let (own, found): (Vec<_>, Vec<_>) = (bits(&traced), bits(&back));
+            assert_eq!(own, found);
+        }
     }
 
     #[test]
