@@ -14,6 +14,7 @@ mod proof;
 mod record;
 mod shell;
 mod study;
+mod surroundings;
 mod target;
 mod test;
 mod thumb;
@@ -98,6 +99,8 @@ enum Task {
     Pictures,
     /// The picture of the beams before and after tuning, drawn again: six minutes.
     Beams,
+    /// The picture of what mirrors, bright signs and another LiDAR add to a scan, drawn again.
+    Surroundings,
     /// Pairs of the nine towns: the time to trace, store and read them, in the docs.
     Towns,
     /// Registration with each scan pattern, at equal time and at equal energy; goes on where it was
@@ -127,6 +130,7 @@ fn main() -> Result<()> {
         Task::Peers(args) => peers::run(args),
         Task::Pictures => pictures::run(),
         Task::Beams => pictures::beams(),
+        Task::Surroundings => surroundings::run(),
         Task::Towns => towns::run(),
         Task::Patterns(args) => patterns::run(&args),
         Task::Proof(args) => proof::run(&args),
