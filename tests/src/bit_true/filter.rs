@@ -43,7 +43,8 @@ impl BitTrue {
     pub fn threshold(&self, statistics: &Statistics) -> Threshold {
         let sigma = nearest(statistics.sigma * self.noise_gain / two_to(15));
         let snr = self.snr_threshold + self.excess(statistics);
-        let by_noise = nearest(sigma * snr / two_to(12) + 0.5);
+        let by_noise = sigma * snr / two_to(12) + 0.5;
+        let by_noise = if by_noise < 16.0 { by_noise.ceil() } else { nearest(by_noise) };
         let level = by_noise.max(self.floor).clamp(1.0, 32_767.0);
         Threshold { sigma, level, ambient: saturated(statistics.ambient) }
     }

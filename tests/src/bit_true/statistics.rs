@@ -1,5 +1,7 @@
 //! Order statistics by sorting, and the ambient level.
 
+use std::f64::consts::PI;
+
 use echoloop_dsp::MAX_SAMPLES;
 use echoloop_dsp::choice::AmbientEstimator;
 
@@ -31,9 +33,18 @@ impl BitTrue {
         let by_mad = nearest(mad * nearest(1.4826 * two_to(14)) / two_to(14));
         let is_clipped = of_codes.middle <= of_deviations.middle;
         let by_upper = if is_clipped {
-            let high = Order::of_share(values, 7.0 / 8.0);
-            let above = grouped(&high) - grouped(&of_codes);
-            nearest(above.max(0.0) * nearest(two_to(14) / 1.1503) / two_to(14))
+            let count = values.len() as f64;
+            let high = grouped(&Order::of_share(values, 7.0 / 8.0));
+            if of_codes.middle == 0.0 {
+                let slope = (2.0 * PI).sqrt();
+                let zeros = (nearest(slope * two_to(14)) * of_codes.at / count).floor();
+                let quantiles = nearest((1.1503 + 0.5 * slope) * two_to(14)) - zeros;
+                let above = (high - 0.5 * fine).max(0.0);
+                (above * two_to(14) / quantiles.max(1.0)).floor()
+            } else {
+                let above = (high - grouped(&of_codes)).max(0.0);
+                nearest(above * nearest(two_to(14) / 1.1503) / two_to(14))
+            }
         } else {
             0.0
         };

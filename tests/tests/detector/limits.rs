@@ -715,9 +715,7 @@ fn clipped_noise_makes_no_more_false_alarms_than_whole_noise() {
             let rate = alarms(irradiance_w_m2_nm, settings, WINDOWS) / f64::from(WINDOWS);
             let case = format!("{gain_cdb} cdB, {bins} bins, {shots} shots, {irradiance_w_m2_nm}");
             println!("{case}: {rate}");
-            // Where σ is 2 codes, or less than 1 LSB after the filter, steps count.
-            let coarse = if gain_cdb < 0 { 4.0 } else { 1.0 };
-            let expected = coarse * false_alarms(bins);
+            let expected = false_alarms(bins);
             let confidence = 3.0 * (expected / f64::from(WINDOWS)).sqrt();
             assert!(rate < expected + confidence, "{case}: {rate} for {expected}");
         }

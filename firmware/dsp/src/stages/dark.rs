@@ -11,16 +11,22 @@ use crate::stages::statistics::{OrderStatistics, count_within, grouped, order_st
 /// 1/1.1503 in Q2.14: σ of a normal distribution over its 7/8 quantile above the median.
 const EIGHTH_TO_SIGMA: i64 = 14_243;
 
+/// 1.1503 + √(2π)/2 and √(2π) in Q2.14.
+const QUANTILES: u32 = 39_381;
+const SLOPE: u32 = 41_069;
+
 /// σ̂ from the upper part of the codes, Q13.19, where m ≤ d.
 ///
 /// ```text
 /// h  = 7/8 quantile of the codes, grouped as the median is
 /// σ̂  = (h − a)/1.1503
+///    = (h − ½)/(1.1503 − √(2π) (p − ½))     m = 0: p = #{x = 0}/N, Φ⁻¹(p) ≈ √(2π) (p − ½)
 /// ```
 ///
 /// Where half of the codes lie in m ± d and m ≤ d, a quarter of them is clipped, and the deviation
-/// of the lower half is too small. The 7/8 quantile scatters by 1.4/√N, the MAD by 1.17/√N.
-/// An echo may hold up to an eighth of the samples.
+/// of the lower half is too small. A code of 0 may be any value below ½: where the median is 0, the
+/// share of the zeros says how far below ½ it lies. The 7/8 quantile scatters by 1.4/√N, the MAD by
+/// 1.17/√N. An echo may hold up to an eighth of the samples.
 #[inline(never)]
 pub(super) fn sigma(codes: &[u16], ranks: &OrderStatistics, shift: u32) -> u32 {
     let OrderStatistics { median, deviation } = ranks;
@@ -28,8 +34,14 @@ pub(super) fn sigma(codes: &[u16], ranks: &OrderStatistics, shift: u32) -> u32 {
     let at_most = |bound: i32| count_within(codes, 0, bound);
     let guess = median.value.saturating_add(deviation.value).saturating_add(1);
     let high = order_statistic(at_most, (7 * n).div_ceil(8), guess, 0x7fff);
-    let above = grouped(&high, 7 * n, shift) - grouped(median, 4 * n, shift);
-    shift_round(i64::from(above.max(0)) * EIGHTH_TO_SIGMA, 14) as u32
+    let high_at = i64::from(grouped(&high, 7 * n, shift));
+    if median.value == 0 {
+        let above = (high_at - (1 << shift) / 2).max(0);
+        let quantiles = i64::from(QUANTILES - (SLOPE * median.at / n.max(1)).min(QUANTILES));
+        return ((above << 14) / quantiles.max(1)) as u32;
+    }
+    let above = high_at - i64::from(grouped(median, 4 * n, shift));
+    shift_round(above.max(0) * EIGHTH_TO_SIGMA, 14) as u32
 }
 
 /// What the threshold needs above k so that clipped noise passes it as seldom as whole noise does.

@@ -23,7 +23,8 @@ use crate::stages::statistics::Statistics;
 /// | `T` | threshold on `y`, at most 1 − 2⁻¹⁵ | Q1.15: g·N, and (k + e)·σ_y + ½ LSB, nearest |
 ///
 /// `y` is rounded to nearest: the half is for what a lower value has gained by it. Where σ_y is
-/// about 1 LSB, as of many shots at a low gain, false alarms would be ten times as many.
+/// about 1 LSB, as of many shots at a low gain, false alarms would be ten times as many. There the
+/// nearest level may be half an LSB low, an eighth of all, so it is the next one up.
 ///
 /// N and k are the paper's two thresholds (Sec. 3.2): the higher one counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +37,9 @@ pub struct Threshold {
     pub ambient: i16,
 }
 
+/// Level below which the threshold is rounded up, LSB.
+const COARSE: i64 = 16;
+
 impl Threshold {
     /// Threshold for a waveform with these statistics.
     #[expect(
@@ -47,7 +51,9 @@ impl Threshold {
         let sigma = shift_round(i64::from(statistics.sigma) * noise_gain, 15);
         let median = u32::from(statistics.median) << (config.code_shift + 4);
         let snr = config.snr_threshold + config.dark.excess(median, statistics.sigma);
-        let by_noise = shift_round(sigma * i64::from(snr) + (1 << 11), 12);
+        let by_noise = sigma * i64::from(snr) + (1 << 11);
+        let up = if by_noise < COARSE << 12 { (1 << 12) - 1 } else { 1 << 11 };
+        let by_noise = (by_noise + up) >> 12;
         let level = by_noise.max(i64::from(config.floor)).clamp(1, 0x7fff);
         Self { sigma: sigma as u32, level: level as i16, ambient: statistics.ambient_q15() }
     }
