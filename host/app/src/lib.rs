@@ -58,7 +58,6 @@ mod scene;
 mod sensor;
 mod serve;
 mod store;
-mod survey;
 mod tune;
 
 use std::ffi::OsString;

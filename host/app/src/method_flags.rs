@@ -9,7 +9,8 @@ use super::exit::Failure;
 use super::method_choice::{MODE_HELP, mode_parser};
 use super::number::seed;
 use echoloop_parameters::Kind;
-use echoloop_registration::{FgrMode, Method, MethodConfig, SETTINGS, Setting, Suggestions};
+use echoloop_registration::config::given::{Given, GivenError};
+use echoloop_registration::{FgrMode, Method, SETTINGS, Setting};
 
 const HEADING: &str = "Settings; those left out are chosen from the clouds";
 
@@ -115,58 +116,20 @@ impl Args for MethodFlags {
 }
 
 impl MethodFlags {
-    fn gives(&self, key: &str) -> bool {
-        self.given.iter().any(|(setting, _)| setting.key == key)
+    /// Settings as the library takes them.
+    pub(super) fn given(&self) -> Given {
+        Given { numbers: self.given.clone(), mode: self.own.mode, seed: self.own.seed }
     }
+}
 
-    /// Refuses settings that the method does not have, and values out of bounds.
-    pub(super) fn check(&self, method: Method) -> Result<(), Failure> {
-        let unknown = self.given.iter().find(|(setting, _)| setting.of(method).is_none());
-        let own = [("mode", self.own.mode.is_some()), ("seed", self.own.seed.is_some())];
-        let own =
-            own.into_iter().find(|(_, given)| *given && method != Method::Fgr).map(|(key, _)| key);
-        if let Some(key) = unknown.map(|(setting, _)| setting.key).or(own) {
-            let flag = dashed(key);
-            return Err(Failure::usage(format!("--{flag} is no setting of {}", method.name())));
+/// Refusal of a setting, by its flag.
+pub(super) fn refused(error: &GivenError) -> Failure {
+    Failure::usage(match error {
+        GivenError::NoSetting { key, method } => {
+            format!("--{} is no setting of {}", dashed(key), method.name())
         }
-        for (setting, value) in &self.given {
-            let checked = setting.of(method).map(|of| setting.check_alone(&of, *value));
-            checked.transpose().map_err(Failure::usage)?;
-        }
-        Ok(())
-    }
-
-    /// Settings for two clouds: chosen from them, then as given.
-    pub(super) fn config(
-        &self,
-        method: Method,
-        suggestions: &Suggestions<'_>,
-    ) -> Result<MethodConfig, Failure> {
-        let voxel = self.given.iter().find(|(setting, _)| setting.key == "voxel_m");
-        let mode = self.own.mode.unwrap_or_default();
-        let config = suggestions.method(method, mode, voxel.map(|(_, voxel_m)| *voxel_m));
-        self.apply_to(config)
-    }
-
-    /// Lays the given settings over a configuration.
-    pub(super) fn apply_to(&self, mut config: MethodConfig) -> Result<MethodConfig, Failure> {
-        if let Some(seed) = self.own.seed {
-            config.set_seed(seed);
-        }
-        if self.gives("max_pair_distance_m") {
-            config.clear("first_pair_distance_m"); // may not be below max_pair_distance_m
-        }
-        for (setting, value) in &self.given {
-            config.set(setting.key, *value);
-        }
-        // The features' radius follows a given normal radius, unless it is given, too.
-        let widens = self.gives("normal_radius_m") && !self.gives("feature_radius_m");
-        if widens && config.method().is_global() {
-            config.repair();
-        }
-        config.check().map_err(Failure::usage)?;
-        Ok(config)
-    }
+        GivenError::Bounds(error) => error.to_string(),
+    })
 }
 
 #[cfg(test)]
@@ -195,7 +158,8 @@ mod tests {
                 let flags = read(&dashed(name), "7").unwrap();
                 assert!(matches!(flags.given[..], [(given, 7.0)] if given.key == setting.key));
                 for method in Method::ALL {
-                    let checked = flags.check(method).map_err(|failure| failure.message);
+                    let checked =
+                        flags.given().check(method).map_err(|error| refused(&error).message);
                     let is_refused = checked.is_err_and(|why| why.contains("is no setting of"));
                     assert_eq!(is_refused, setting.of(method).is_none());
                 }

@@ -9,9 +9,8 @@ use super::common::{Common, on_threads};
 use super::exit::Failure;
 use super::hints::hints;
 use super::method_choice::{method_parser, methods_that};
-use super::method_flags::MethodFlags;
+use super::method_flags::{MethodFlags, refused};
 use super::number::{flag, number_as};
-use super::survey::Frames;
 use echoloop_closed_loop::parameters::{Parameters, written};
 use echoloop_closed_loop::run_folder::tuned_run::tuned_config;
 use echoloop_clouds::pose::{Pose, read_pose, to_rows};
@@ -22,14 +21,9 @@ use echoloop_files::say;
 use echoloop_parameters::{Bounds, Kind, Parameter};
 use echoloop_registration::geometry::voxel;
 use echoloop_registration::overlap::Rival;
-use echoloop_registration::{
-    Confirmed, IcpConfig, Method, MethodConfig, OpenDirection, Outcome, Registration, StopReason,
-    Suggestions, build,
-};
-
-/// Largest difference of two shifts that become one, m, so that clouds nearly in place are
-/// cut into the same voxels.
-const SAME_FRAME_M: f64 = 10.0;
+use echoloop_registration::pair::{Registered, Request, RequestError, in_one_frame};
+use echoloop_registration::survey::Frames;
+use echoloop_registration::{Method, MethodConfig, OpenDirection, Outcome, StopReason};
 
 /// Metres in the units of files.
 const SCALE: Parameter = flag(Kind::Number, Bounds::between(1e-6, 1e6));
@@ -88,6 +82,11 @@ impl RegisterArgs {
         let last = self.scale.last();
         [0, 1].map(|cloud| self.scale.get(cloud).or(last).copied().unwrap_or(1.0))
     }
+
+    fn request(&self) -> Request {
+        let Self { method, refine, tuned, .. } = *self;
+        Request { method, refine, tuned, given: self.settings.given() }
+    }
 }
 
 pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
@@ -103,9 +102,7 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
     };
     target.scale(target_scale);
     source.scale(source_scale);
-    if (source.shift_m - target.shift_m).amax() <= SAME_FRAME_M {
-        source.shift_by(target.shift_m);
-    }
+    in_one_frame(&target, &mut source);
     let initial = match &args.initial {
         Some(path) => read_pose(path).map_err(Failure::usage)?,
         None => Pose::identity(),
@@ -127,25 +124,21 @@ fn with_run(mut args: RegisterArgs) -> Result<RegisterArgs, Failure> {
 
 /// Refuses flags that do not go together, before anything is read.
 fn check(args: &RegisterArgs) -> Result<(), Failure> {
-    let name = args.method.name();
-    if args.refine && !args.method.is_rough() {
-        return Err(Failure::usage(format!(
-            "--refine goes with a method that leaves it to another (fgr, mac), not with {name}"
-        )));
-    }
-    if args.initial.is_some() && args.method.is_rough() {
-        return Err(Failure::usage(format!(
-            "--initial goes with {}: {name} searches everywhere",
-            methods_that(|method| !method.is_rough())
-        )));
-    }
     if args.scale.len() > 2 {
         return Err(Failure::usage(format!(
             "--scale: expected one number, or TARGET's and SOURCE's, found {}",
             args.scale.len()
         )));
     }
-    args.settings.check(args.method)
+    let name = args.method.name();
+    args.request().check(args.initial.is_some()).map_err(|error| match error {
+        RequestError::Refine(_) => Failure::usage(format!("--{error}")),
+        RequestError::Initial(_) => Failure::usage(format!(
+            "--initial goes with {}: {name} searches everywhere",
+            methods_that(|method| !method.is_rough())
+        )),
+        RequestError::Given(error) => refused(&error),
+    })
 }
 
 fn read(
@@ -174,25 +167,15 @@ fn register(
 ) -> Result<(), Failure> {
     let began = cpu_s();
     let (target, source) = (&surveyed.cloud, &recorded.cloud);
-    let frames = Frames::new(surveyed, &recorded);
-    let suggestions = Suggestions::new(target, source);
-    let config = match args.tuned {
-        Some(tuned) => args.settings.apply_to(tuned)?,
-        None => args.settings.config(args.method, &suggestions)?,
-    };
-    let global_voxel_m = config.get("voxel_m").unwrap_or_default();
-    let finish = args.refine.then(|| match args.tuned {
-        Some(_) => IcpConfig::refinement(global_voxel_m), // as in the run's evaluation
-        None => suggestions.refinement(global_voxel_m),
-    });
-    let method = build(&config, finish).map_err(Failure::usage)?;
-    let method = Confirmed { method, voxel_m: suggestions.scene_voxel_m() };
-    let outcome = method.register(target, source, &frames.inside(initial));
-    let target_from_source = frames.outside(&outcome.target_from_source);
+    let registered =
+        args.request().register(surveyed, &recorded, initial).map_err(Failure::usage)?;
+    let target_from_source = registered.target_from_source();
+    let Registered { config, outcome, frames } = registered;
     warn(args, &outcome);
     let cpu_s = cpu_s() - began;
     if outcome.stop == StopReason::BadSettings {
-        check_voxel(&[(&args.target, target), (&args.source, source)], global_voxel_m)?;
+        let voxel_m = config.get("voxel_m").unwrap_or_default();
+        check_voxel(&[(&args.target, target), (&args.source, source)], voxel_m)?;
     }
     let found = outcome.stop.is_success();
     let failure = (!found).then(|| not_registered(args, &outcome, [target, source]));

@@ -8,6 +8,7 @@
 //! | register without an initial guess | [`Auto`]; by features of one scale [`Fgr`], [`Mac`] |
 //! | refine the motion of one method by another | [`Refined`], or [`build`] from settings |
 //! | check a motion on the scans themselves | [`overlap`] |
+//! | do all of it for two clouds, as `echoloop register` does | [`pair`] |
 //! | choose settings for two clouds | [`suggest`](mod@suggest) |
 //! | thin clouds, estimate normals, search neighbours | [`geometry`] |
 //! | describe and match points | [`features`] |
@@ -36,11 +37,13 @@ mod normal_equations;
 pub mod observability;
 mod outcome;
 pub mod overlap;
+pub mod pair;
 pub mod prepared;
 pub mod refine;
 mod registration;
 pub mod rigid;
 pub mod suggest;
+pub mod survey;
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]

@@ -5,6 +5,7 @@ mod convention;
 mod error;
 mod features;
 mod fgr;
+pub mod given;
 mod icp;
 mod mac;
 mod method;

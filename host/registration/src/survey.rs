@@ -5,11 +5,13 @@ use std::fmt::{Display, Formatter, Result};
 
 use echoloop_clouds::survey::shifted;
 use echoloop_clouds::{Pose, Recorded};
-use echoloop_registration::{Covariance, OpenDirection, Outcome};
 use nalgebra::{Point3, Vector3};
 
+use crate::{Covariance, OpenDirection, Outcome};
+
 /// The shifts of two clouds, and the centre of the source.
-pub(super) struct Frames {
+#[derive(Clone, Debug)]
+pub struct Frames {
     target_shift_m: Vector3<f64>,
     source_shift_m: Vector3<f64>,
     /// Centre of the source in the frame of its file, m.
@@ -17,23 +19,24 @@ pub(super) struct Frames {
 }
 
 impl Frames {
-    pub(super) fn new(target: &Recorded, source: &Recorded) -> Self {
+    /// Frames of a pair.
+    pub fn new(target: &Recorded, source: &Recorded) -> Self {
         let (target_shift_m, source_shift_m) = (target.shift_m, source.shift_m);
         Self { target_shift_m, source_shift_m, centre_m: source.centre_m() }
     }
 
     /// True when a cloud has a shift.
-    pub(super) fn are_shifted(&self) -> bool {
+    pub fn are_shifted(&self) -> bool {
         self.target_shift_m != Vector3::zeros() || self.source_shift_m != Vector3::zeros()
     }
 
     /// The motion of the clouds that is this one of the files.
-    pub(super) fn inside(&self, target_from_source: &Pose) -> Pose {
+    pub fn inside(&self, target_from_source: &Pose) -> Pose {
         shifted(target_from_source, &self.target_shift_m, &self.source_shift_m)
     }
 
     /// The motion of the files that is this one of the clouds.
-    pub(super) fn outside(&self, target_from_source: &Pose) -> Pose {
+    pub fn outside(&self, target_from_source: &Pose) -> Pose {
         shifted(target_from_source, &-self.target_shift_m, &-self.source_shift_m)
     }
 
@@ -45,20 +48,20 @@ impl Frames {
 
     /// Covariance of the motion: about the centre of the source, where the target has it, if a
     /// cloud has a shift; else about the target's origin.
-    pub(super) fn covariance(&self, outcome: &Outcome) -> Option<Covariance> {
+    pub fn covariance(&self, outcome: &Outcome) -> Option<Covariance> {
         let centre_m = self.centre_inside_m(outcome);
         outcome.covariance.map(|c| centre_m.map_or(c, |centre_m| c.about(&centre_m)))
     }
 
     /// Directions that the scans leave open, about the same point as the covariance.
-    pub(super) fn open(&self, outcome: &Outcome) -> Vec<OpenDirection> {
+    pub fn open(&self, outcome: &Outcome) -> Vec<OpenDirection> {
         let centre_m = self.centre_inside_m(outcome);
         let about = |open: &OpenDirection| centre_m.map_or(*open, |centre_m| open.about(&centre_m));
         outcome.open.iter().map(about).collect()
     }
 
     /// A motion of the files about the centre of the source; None without a shift.
-    pub(super) fn about_centre(&self, target_from_source: &Pose) -> Option<AboutCentre> {
+    pub fn about_centre(&self, target_from_source: &Pose) -> Option<AboutCentre> {
         let to_m = target_from_source * self.centre_m;
         let turn = target_from_source.rotation.scaled_axis();
         self.are_shifted().then(|| AboutCentre {
@@ -71,13 +74,15 @@ impl Frames {
 }
 
 /// A motion as a turn about the centre of the source, and the shift of that centre.
-pub(super) struct AboutCentre {
+#[derive(Clone, Copy, Debug)]
+pub struct AboutCentre {
     /// The centre in the frame of the source, m.
     pub from_m: [f64; 3],
     /// The centre in the frame of the target, m.
     pub to_m: [f64; 3],
+    /// Shift of the centre, m.
     pub shift_m: [f64; 3],
-    /// Axis times angle.
+    /// Axis times angle, degrees.
     pub turn_deg: [f64; 3],
 }
 
