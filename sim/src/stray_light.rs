@@ -76,25 +76,24 @@ pub fn scattered(angle_rad: f64, divergence_mrad: [f64; 2]) -> f64 {
     (solid_angle_sr * SCATTERED_PER_SR / (degrees * degrees)).min(1.0)
 }
 
-/// Adds to each beam what the optics scatter of the light of the beams fired together with it,
-/// which have the same number: a linear operator, the same for every scene (Gump et al., CVPR
-/// 2026).
+/// Adds to each beam what the optics scatter of the light of the beams fired at the same moment, by
+/// its number: a linear operator, the same for every scene (Gump et al., CVPR 2026).
 ///
 /// `directions` are unit vectors in the sensor's frame.
 pub fn add_glare(
     response: &mut SceneResponse,
     directions: &[[f32; 3]],
     divergence_mrad: [f64; 2],
-    together: impl Fn(u32) -> u32,
+    moment: impl Fn(u32) -> u64,
 ) {
     let strongest = scattered(0.0, divergence_mrad);
-    let mut fired: HashMap<u32, Vec<usize>> = HashMap::new();
-    (0..response.len()).for_each(|beam| fired.entry(together(beam as u32)).or_default().push(beam));
+    let mut fired: HashMap<u64, Vec<usize>> = HashMap::new();
+    (0..response.len()).for_each(|beam| fired.entry(moment(beam as u32)).or_default().push(beam));
     let mut added: HashMap<usize, Vec<(f64, f64)>> = HashMap::new();
     for beam in 0..response.len() {
         let bright = |of: &&Return| f64::from(of.strength_per_m2) * strongest > FAINTEST_PER_M2;
         for of in response.of(beam).iter().filter(bright) {
-            for &other in fired[&together(beam as u32)].iter().filter(|other| **other != beam) {
+            for &other in fired[&moment(beam as u32)].iter().filter(|other| **other != beam) {
                 let angle_rad = angle(directions[beam], directions[other]);
                 let share = scattered(angle_rad, divergence_mrad);
                 let strength = share * f64::from(of.strength_per_m2);
@@ -184,7 +183,7 @@ mod tests {
         let (plain, directions) = look(20.0, &[0.0, 1.5, 3.0, 6.0]);
         assert!((1..4).all(|beam| plain.of(beam).is_empty()), "beside the sign");
         let mut response = plain.clone();
-        add_glare(&mut response, &directions, [3.0, 1.5], |beam| beam);
+        add_glare(&mut response, &directions, [3.0, 1.5], u64::from);
         assert_eq!(response, plain, "each by itself");
         add_glare(&mut response, &directions, [3.0, 1.5], |_| 0);
         let sign = returns(&response, 0)[0].1;

@@ -157,6 +157,18 @@ impl Beams {
         }
     }
 
+    /// Number of the moment at which a beam is fired, with all beams of the same number.
+    pub fn moment(&self, beam: u32) -> u64 {
+        match self.pattern {
+            ScanPattern::Table(_) => self.listed(beam).map_or(0, |listed| listed.time_ns),
+            ScanPattern::Grid(_) => self.column(beam).into(),
+            ScanPattern::Spinning(spinning) => spinning.time(beam)[0].into(),
+            ScanPattern::Raster(_) | ScanPattern::Rosette(_) | ScanPattern::Steered(_) => {
+                beam.into()
+            }
+        }
+    }
+
     /// Number of the group of beams that shakes as one: a column, or a line of a raster.
     pub fn together(&self, beam: u32) -> u32 {
         match self.list {

@@ -392,13 +392,11 @@ impl View {
                 self.from(|beam| path.world_from_sensor(beam), &directions)
             }
         };
-        // A steered sensor has one beam at a time.
-        let cells = beams.cells();
-        if self.optics.cats_eye_m2 > 0.0 && cells.is_empty() {
-            let together = |beam| beams.together(beam);
-            add_glare(&mut response, &directions, self.optics.divergence_mrad, together);
+        if self.optics.cats_eye_m2 > 0.0 {
+            let moment = |beam| beams.moment(beam);
+            add_glare(&mut response, &directions, self.optics.divergence_mrad, moment);
         }
-        SceneResponse { cells, ..response }
+        SceneResponse { cells: beams.cells(), ..response }
     }
 
     /// Response to beams along unit vectors of the sensor's frame, from where it stands.
@@ -471,7 +469,7 @@ mod tests {
     }
 
     #[test]
-    fn bright_signs_glare_into_the_beams_of_their_column() {
+    fn bright_signs_glare_into_beams_fired_with_theirs_and_a_steered_sensor_has_none() {
         let seen = |more: &[&str]| {
             let few = ["scene.source=structured", "scanner.columns=360", "scanner.rows=32"];
             let config = config(&[&few[..], more].concat());
@@ -479,16 +477,32 @@ mod tests {
             let seen = dataset.train[0].first.to(&dataset.beams);
             (0..seen.len()).map(|beam| seen.of(beam).to_vec()).collect::<Vec<_>>()
         };
-        let (dim, bright) = (seen(&[]), seen(&["scene.retroreflectors=bright"]));
-        let differ: Vec<usize> = (0..dim.len()).filter(|&i| dim[i] != bright[i]).collect();
         let strongest =
             |beam: &[Return]| beam.iter().map(|of| of.strength_per_m2).fold(0.0, f32::max);
-        let is_sign = |&&i: &&usize| strongest(&bright[i]) > 5.0 * strongest(&dim[i]);
-        let signs = differ.iter().filter(is_sign).count();
-        assert!(signs > 4 && differ.len() > 2 * signs, "{signs} of {}", differ.len());
-        // Beams of a column, 32, see the light of one of them.
-        let dazzles = |beam: &Vec<Return>| strongest(beam) > 0.05;
-        assert!(differ.iter().all(|i| bright[i / 32 * 32..][..32].iter().any(dazzles)));
+        // Beams to which something is added, and signs among them.
+        let changed = |pattern: &[&str]| {
+            let dim = seen(pattern);
+            let bright = seen(&[pattern, &["scene.retroreflectors=bright"]].concat());
+            let is_changed = |i: &usize| dim[*i] != bright[*i];
+            let changed: Vec<usize> = (0..dim.len()).filter(is_changed).collect();
+            let is_sign = |&i: &usize| strongest(&bright[i]) > 5.0 * strongest(&dim[i]);
+            let dazzles = |i: &usize| strongest(&bright[*i]) > 0.01;
+            let others = changed.iter().filter(|i| !is_sign(i) && !dazzles(i)).count();
+            let is_beside = |i: &usize| {
+                let column = i / 32 * 32;
+                (column..column + 32).any(|beam| dazzles(&beam))
+            };
+            assert!(changed.iter().all(is_beside), "{pattern:?}: {changed:?}");
+            (changed.iter().filter(|i| is_sign(i)).count(), others)
+        };
+        let (signs, others) = changed(&[
+            "scanner.pattern=grid",
+            "scanner.azimuth_deg=360",
+            "scanner.elevation_deg=40",
+        ]);
+        assert!(signs > 4 && others > signs, "{signs} signs, {others} beside them");
+        let (signs, others) = changed(&["scanner.pattern=steered"]);
+        assert!(signs > 4 && others == 0, "{signs} signs, {others} beside them");
     }
 
     #[test]
