@@ -1,6 +1,6 @@
 //! Another vehicle's flash LiDAR, which lights the scene that the sensor looks at.
 //!
-//! A scanning one meets a beam of ours some two times in a million shots: it would have to light
+//! A scanning one meets a beam of ours about once in a million shots: it would have to light
 //! the same spot within the same microsecond (Popko, Gaylord and Valenta, Optical Engineering 59
 //! (2020) 033104, have the geometry). A flash lights all spots with each pulse.
 
@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use crate::raycast::{Met, Raycaster};
 use crate::scanner::{BeamOptics, sub_rays_and_weights};
 use crate::scene::Material;
-use crate::stray_light::scattered;
+use crate::stray_light::{edge_rad, scattered};
 use crate::vector::{dot, sub};
 
 /// Peak power of its pulses, W. With 5 ns and 100 kHz it sends out 10 W in the mean (ours).
@@ -40,7 +40,7 @@ pub struct OtherLidar {
 
 impl OtherLidar {
     /// One as high above the ground as a sensor, which it faces within 60°, so that the sensor is
-    /// in its field of view; in sight of it, unless the sensor sees no farther than 5 m.
+    /// in its field of view; in sight of it, if one of 64 places is.
     #[must_use]
     pub fn near(caster: &Raycaster, sensor: [f32; 3], seed: u64) -> Self {
         let mut rng = Generator::new(seed, 0);
@@ -61,8 +61,9 @@ impl OtherLidar {
         other
     }
 
-    /// Adds its light to a response: what the surfaces in each beam scatter of it, and what the
-    /// sensor's optics scatter of the light that comes straight.
+    /// Adds its light to a response: what the surfaces in each beam scatter of it, and of the light
+    /// that comes straight, all in the beam that points to it, and in others what the sensor's
+    /// optics scatter.
     ///
     /// ```text
     /// E(x) = P / (Ω_o d²)                      in its field of view Ω_o, where it is seen from x
@@ -94,7 +95,10 @@ impl OtherLidar {
                 let axis = pose.rotation * Vector3::from(direction.map(f64::from));
                 let chord = (axis - Vector3::from(from.map(f64::from))).norm();
                 let angle_rad = 2.0 * libm::asin((0.5 * chord).min(1.0));
-                let share = scattered(angle_rad, optics.divergence_mrad) as f32;
+                let share = match angle_rad < edge_rad(optics.divergence_mrad) {
+                    true => 1.0,
+                    false => scattered(angle_rad, optics.divergence_mrad) as f32,
+                };
                 parts.push([irradiance * share, away_m]);
             }
             total(&parts)
@@ -228,7 +232,7 @@ mod tests {
             assert!(near(seen.irradiance_w_m2, expected), "{seen:?}, {expected} at {degrees}°");
             assert!(near(seen.path_m, 10.0), "{seen:?}");
         }
-        assert!(seen[0].irradiance_w_m2 > 100.0 * seen[1].irradiance_w_m2);
+        assert!(near(seen[0].irradiance_w_m2, straight), "{:?}, {straight}", seen[0]);
     }
 
     #[test]

@@ -54,7 +54,7 @@ pub(crate) fn ghosts(
     strength_per_m2: f64,
     cats_eye_m2: f64,
 ) -> impl Iterator<Item = (f64, f64)> {
-    let again = strength_per_m2 * cats_eye_m2;
+    let again = (strength_per_m2 * cats_eye_m2).min(1.0); // a lens returns no more than it gets
     let ghost =
         move |n: u8| (f64::from(n) * range_m, strength_per_m2 * again.powi(i32::from(n) - 1));
     (2..=MOST_TIMES).map(ghost)
@@ -70,10 +70,14 @@ const MOST_TIMES: u8 = 4;
 /// Within the pixel itself it stays that at the edge.
 #[must_use]
 pub fn scattered(angle_rad: f64, divergence_mrad: [f64; 2]) -> f64 {
-    let edge_rad = 0.5e-3 * divergence_mrad[0].max(divergence_mrad[1]);
-    let degrees = angle_rad.max(edge_rad).to_degrees();
+    let degrees = angle_rad.max(edge_rad(divergence_mrad)).to_degrees();
     let solid_angle_sr = divergence_mrad[0] * divergence_mrad[1] * 1e-6;
     (solid_angle_sr * SCATTERED_PER_SR / (degrees * degrees)).min(1.0)
+}
+
+/// Half of the wider side of a pixel, radians.
+pub(crate) fn edge_rad(divergence_mrad: [f64; 2]) -> f64 {
+    0.5e-3 * divergence_mrad[0].max(divergence_mrad[1])
 }
 
 /// Adds to each beam what the optics scatter of the light of the beams fired at the same moment, by

@@ -24,7 +24,7 @@ use crate::stages::statistics::Statistics;
 ///
 /// `y` is rounded to nearest: the half is for what a lower value has gained by it. Where σ_y is
 /// about 1 LSB, as of many shots at a low gain, false alarms would be ten times as many. There the
-/// nearest level may be half an LSB low, an eighth of all, so it is the next one up.
+/// nearest level may be half an LSB low, of 4 LSB an eighth: below 16 LSB it is the next one up.
 ///
 /// N and k are the paper's two thresholds (Sec. 3.2): the higher one counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -161,11 +161,8 @@ impl Beams {
     pub fn moment(&self, beam: u32) -> u64 {
         match self.pattern {
             ScanPattern::Table(_) => self.listed(beam).map_or(0, |listed| listed.time_ns),
-            ScanPattern::Grid(_) => self.column(beam).into(),
             ScanPattern::Spinning(spinning) => spinning.time(beam)[0].into(),
-            ScanPattern::Raster(_) | ScanPattern::Rosette(_) | ScanPattern::Steered(_) => {
-                beam.into()
-            }
+            _ => beam.into(), // one after the other
         }
     }
 

@@ -46,7 +46,7 @@ section! {
              are darker as well.";
         retroreflectors: Retroreflectors, "", Retroreflectors::BOUNDS,
             "Signs and plates: `dim`, 50 times white, or `bright`, 1,131 times, as sheeting is, \
-             with glare in the channels that are fired together and ghosts at twice the range.";
+             with ghosts at twice the range, and glare in beams that are fired at one moment.";
         interference: Interference, "", Interference::BOUNDS,
             "Another LiDAR: `none`, or `flash`, that of a vehicle 5 to 25 m away, which fires into \
              one shot in twelve at any moment. Not with `receiver.mode` = `litl-compat`.";

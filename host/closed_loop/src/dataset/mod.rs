@@ -469,40 +469,41 @@ mod tests {
     }
 
     #[test]
-    fn bright_signs_glare_into_beams_fired_with_theirs_and_a_steered_sensor_has_none() {
-        let seen = |more: &[&str]| {
-            let few = ["scene.source=structured", "scanner.columns=360", "scanner.rows=32"];
-            let config = config(&[&few[..], more].concat());
-            let dataset = Dataset::build(&config, &|_, _| ()).unwrap();
-            let seen = dataset.train[0].first.to(&dataset.beams);
-            (0..seen.len()).map(|beam| seen.of(beam).to_vec()).collect::<Vec<_>>()
-        };
-        let strongest =
-            |beam: &[Return]| beam.iter().map(|of| of.strength_per_m2).fold(0.0, f32::max);
-        // Beams to which something is added, and signs among them.
-        let changed = |pattern: &[&str]| {
-            let dim = seen(pattern);
-            let bright = seen(&[pattern, &["scene.retroreflectors=bright"]].concat());
-            let is_changed = |i: &usize| dim[*i] != bright[*i];
-            let changed: Vec<usize> = (0..dim.len()).filter(is_changed).collect();
-            let is_sign = |&i: &usize| strongest(&bright[i]) > 5.0 * strongest(&dim[i]);
-            let dazzles = |i: &usize| strongest(&bright[*i]) > 0.01;
-            let others = changed.iter().filter(|i| !is_sign(i) && !dazzles(i)).count();
-            let is_beside = |i: &usize| {
-                let column = i / 32 * 32;
-                (column..column + 32).any(|beam| dazzles(&beam))
+    fn bright_signs_glare_into_beams_fired_at_the_same_moment_only() {
+        // Beams that see a sign, and those that see glare beside one.
+        let seen = |pattern: &str| {
+            let scans = |retroreflectors: &str| {
+                let pairs = ["data.train_pairs=1", "data.test_pairs=1", "data.check_pairs=0"];
+                let own = ["scene.source=structured", "scanner.columns=360", pattern];
+                let more = [retroreflectors];
+                let config = configured(&[&pairs[..], &own[..], &more[..]].concat());
+                let dataset = Dataset::build(&config, &|_, _| ()).unwrap();
+                let scan = dataset.train[0].first.to(&dataset.beams);
+                (0..scan.len()).map(|beam| scan.of(beam).to_vec()).collect::<Vec<_>>()
             };
-            assert!(changed.iter().all(is_beside), "{pattern:?}: {changed:?}");
-            (changed.iter().filter(|i| is_sign(i)).count(), others)
+            let (dim, bright) =
+                (scans("scene.retroreflectors=dim"), scans("scene.retroreflectors=bright"));
+            let strongest =
+                |beam: &[Return]| beam.iter().map(|of| of.strength_per_m2).fold(0.0, f32::max);
+            let is_sign = |&i: &usize| strongest(&bright[i]) > 5.0 * strongest(&dim[i]).max(0.01);
+            // Neither there before, nor at a multiple of the range of what is there.
+            let is_glare = |of: &Return, dim: &[Return]| {
+                let is_near = |other: &Return| {
+                    let times = (of.range_m / other.range_m).round().clamp(1.0, 4.0);
+                    (of.range_m - times * other.range_m).abs() < 0.3
+                };
+                !dim.iter().any(is_near)
+            };
+            let glares = |&i: &usize| bright[i].iter().any(|of| is_glare(of, &dim[i]));
+            let beams = 0..dim.len();
+            (beams.clone().filter(is_sign).count(), beams.filter(glares).count())
         };
-        let (signs, others) = changed(&[
-            "scanner.pattern=grid",
-            "scanner.azimuth_deg=360",
-            "scanner.elevation_deg=40",
-        ]);
-        assert!(signs > 4 && others > signs, "{signs} signs, {others} beside them");
-        let (signs, others) = changed(&["scanner.pattern=steered"]);
-        assert!(signs > 4 && others == 0, "{signs} signs, {others} beside them");
+        let (signs, glares) = seen("scanner.pattern=os1-64");
+        assert!(signs > 4 && glares > signs, "{signs} signs, {glares} beside them");
+        for pattern in ["scanner.pattern=vlp-16", "scanner.pattern=steered"] {
+            let (signs, glares) = seen(pattern);
+            assert!(signs > 0 && glares == 0, "{pattern}: {signs} signs, {glares} beside them");
+        }
     }
 
     #[test]
