@@ -9,6 +9,8 @@ use crate::shell::{build_release, built, echoloop, succeed, workspace};
 struct Panel {
     title: &'static str,
     switch: &'static str,
+    /// Scan pattern.
+    pattern: &'static str,
     /// Seed of scene and viewpoint.
     seed: &'static str,
     /// Place of a point in the picture, m.
@@ -23,6 +25,7 @@ const PANELS: [Panel; 3] = [
     Panel {
         title: "scene.mirrors=wet: images below the street",
         switch: "scene.mirrors=wet",
+        pattern: "steered",
         seed: "11",
         place: aside,
         across: [0.0, 60.0],
@@ -33,16 +36,18 @@ const PANELS: [Panel; 3] = [
     Panel {
         title: "scene.retroreflectors=bright: glare beside signs, ghosts at twice the range",
         switch: "scene.retroreflectors=bright",
+        pattern: "os1-64",
         seed: "21",
         place: aside,
-        across: [0.0, 40.0],
+        across: [0.0, 30.0],
         up: [-4.0, 4.0],
-        tick_m: 4.0,
+        tick_m: 2.0,
         axes: "horizontal distance and height, m",
     },
     Panel {
         title: "scene.interference=flash: pulses of another LiDAR, from above",
         switch: "scene.interference=flash",
+        pattern: "steered",
         seed: "7",
         place: |[x, y, _]| (-y, x),
         across: [-100.0, 100.0],
@@ -86,7 +91,9 @@ fn scans(panel: &Panel) -> Result<Scans> {
         let file = folder.join(name);
         let mut command = echoloop()?;
         command.args(["scan", "--scene", "structured", "--seed", panel.seed, "--quiet"]);
-        command.args(["--set", "lidar.echoes=4"]).args(more).arg("-o").arg(&file);
+        let pattern = format!("scanner.pattern={}", panel.pattern);
+        command.args(["--set", "lidar.echoes=4", "--set", &pattern]).args(more);
+        command.arg("-o").arg(&file);
         succeed(&mut command)?;
         points(&std::fs::read(&file)?).with_context(|| format!("{} is no scan", file.display()))
     };
