@@ -13,9 +13,9 @@ use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
 use crate::raycast::{Met, Raycaster};
-use crate::scanner::{BeamOptics, sub_rays_and_weights};
+use crate::scanner::{BeamOptics, footprint, spread};
 use crate::scene::Material;
-use crate::stray_light::{edge_rad, scattered};
+use crate::stray_light::{angle, edge_rad, scattered};
 use crate::vector::{dot, sub};
 
 /// Peak power of its pulses, W. With 5 ns and 100 kHz it sends out 10 W in the mean (ours).
@@ -80,21 +80,21 @@ impl OtherLidar {
         optics: &BeamOptics,
     ) {
         let solid_angle_sr = (1e-6 * optics.divergence_mrad[0] * optics.divergence_mrad[1]) as f32;
+        let grid = footprint(optics);
         let beam = |(index, direction): (usize, &[f32; 3])| {
             let pose = world_from_sensor(index);
             let origin: [f32; 3] = pose.translation.vector.cast::<f32>().into();
             let mut parts: Vec<[f32; 2]> = Vec::new();
-            for (ray, weight) in sub_rays_and_weights(direction, optics, &pose) {
+            for (ray, (_, weight)) in spread(direction, &grid, &pose).into_iter().zip(&grid) {
                 let Some(met) = caster.meet(origin, ray) else { continue };
                 let Some(material) = materials.get(usize::from(met.material)) else { continue };
                 if let Some((lit, path_m)) = self.scattered_at(caster, &met, material) {
-                    parts.push([weight as f32 * lit * solid_angle_sr, met.range_m + path_m]);
+                    parts.push([*weight as f32 * lit * solid_angle_sr, met.range_m + path_m]);
                 }
             }
             if let Some((irradiance, from, away_m)) = self.irradiance(caster, origin) {
                 let axis = pose.rotation * Vector3::from(direction.map(f64::from));
-                let chord = (axis - Vector3::from(from.map(f64::from))).norm();
-                let angle_rad = 2.0 * libm::asin((0.5 * chord).min(1.0));
+                let angle_rad = angle(axis.into(), from.map(f64::from));
                 let share = match angle_rad < edge_rad(optics.divergence_mrad) {
                     true => 1.0,
                     false => scattered(angle_rad, optics.divergence_mrad) as f32,

@@ -108,10 +108,10 @@ pub fn scan_moving(
 }
 
 /// Sub-ray: its offsets along azimuth and elevation, radians, and its share of the power.
-type SubRay = ([f64; 2], f64);
+pub(crate) type SubRay = ([f64; 2], f64);
 
 /// Grid of sub-rays of a beam: `w ∝ 2^(−d²)`, d the distance from the middle in grid steps, Σw = 1.
-fn footprint(optics: &BeamOptics) -> Vec<SubRay> {
+pub(crate) fn footprint(optics: &BeamOptics) -> Vec<SubRay> {
     let half = i32::from(optics.subrays / 2);
     let offset = |k: i32, axis: usize| {
         f64::from(k) / f64::from(2 * half.max(1)) * 1e-3 * optics.divergence_mrad[axis]
@@ -124,17 +124,6 @@ fn footprint(optics: &BeamOptics) -> Vec<SubRay> {
     grid.into_iter().map(|(at, weight)| (at, weight / total)).collect()
 }
 
-/// World directions of the sub-rays of a beam, with their shares of the power.
-pub(crate) fn sub_rays_and_weights(
-    direction: &[f32; 3],
-    optics: &BeamOptics,
-    world_from_sensor: &Isometry3<f64>,
-) -> impl Iterator<Item = ([f32; 3], f64)> {
-    let grid = footprint(optics);
-    let rays = spread(direction, &grid, world_from_sensor);
-    rays.into_iter().zip(grid).map(|(ray, (_, weight))| (ray, weight))
-}
-
 /// World directions of the sub-rays of a beam, unit vectors, row by row of increasing elevation.
 #[must_use]
 pub fn sub_rays(
@@ -145,7 +134,8 @@ pub fn sub_rays(
     spread(direction, &footprint(optics), world_from_sensor)
 }
 
-fn spread(
+/// World directions of the sub-rays of a [`footprint`].
+pub(crate) fn spread(
     direction: &[f32; 3],
     grid: &[SubRay],
     world_from_sensor: &Isometry3<f64>,

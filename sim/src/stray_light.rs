@@ -98,7 +98,8 @@ pub fn add_glare(
         let bright = |of: &&Return| f64::from(of.strength_per_m2) * strongest > FAINTEST_PER_M2;
         for of in response.of(beam).iter().filter(bright) {
             for &other in fired[&moment(beam as u32)].iter().filter(|other| **other != beam) {
-                let angle_rad = angle(directions[beam], directions[other]);
+                let [a, b] = [beam, other].map(|beam| directions[beam].map(f64::from));
+                let angle_rad = angle(a, b);
                 let share = scattered(angle_rad, divergence_mrad);
                 let strength = share * f64::from(of.strength_per_m2);
                 if strength > FAINTEST_PER_M2 {
@@ -121,8 +122,8 @@ pub fn add_glare(
 }
 
 /// Angle between two unit vectors, radians.
-fn angle(a: [f32; 3], b: [f32; 3]) -> f64 {
-    let chord: f64 = (0..3).map(|i| f64::from(a[i] - b[i]).powi(2)).sum();
+pub(crate) fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let chord: f64 = (0..3).map(|i| (a[i] - b[i]).powi(2)).sum();
     2.0 * libm::asin((0.5 * chord.sqrt()).min(1.0))
 }
 

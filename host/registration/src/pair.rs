@@ -6,8 +6,8 @@ use echoloop_clouds::{Pose, Recorded};
 use crate::config::given::{Given, GivenError};
 use crate::survey::Frames;
 use crate::{
-    ConfigError, Confirmed, Covariance, IcpConfig, Method, MethodConfig, OpenDirection, Outcome,
-    Registration, Suggestions, build,
+    ConfigError, Confirmed, IcpConfig, Method, MethodConfig, Outcome, Registration, Suggestions,
+    build,
 };
 
 /// Largest difference of two shifts that become one, m, so that clouds nearly in place are
@@ -113,16 +113,6 @@ impl Registered {
     /// The motion, in the frames of the files.
     pub fn target_from_source(&self) -> Pose {
         self.frames.outside(&self.outcome.target_from_source)
-    }
-
-    /// As [`Frames::covariance`].
-    pub fn covariance(&self) -> Option<Covariance> {
-        self.frames.covariance(&self.outcome)
-    }
-
-    /// As [`Frames::open`].
-    pub fn open(&self) -> Vec<OpenDirection> {
-        self.frames.open(&self.outcome)
     }
 }
 
