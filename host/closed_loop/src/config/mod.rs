@@ -204,8 +204,29 @@ impl RunConfig {
         self.tune.check()?;
         self.check_aim()?;
         self.front.check_keys()?;
+        self.check_surroundings()?;
         self.check_interference()?;
         self.scene.check()
+    }
+
+    /// Refuses surroundings of a recording, whose scans have those that were there.
+    fn check_surroundings(&self) -> Result<(), Refused> {
+        let SceneConfig { mirrors, retroreflectors, interference, source, .. } = &self.scene;
+        let usual = SceneConfig::default();
+        let asked = [
+            ("scene.mirrors", mirrors.name(), usual.mirrors.name()),
+            ("scene.retroreflectors", retroreflectors.name(), usual.retroreflectors.name()),
+            ("scene.interference", interference.name(), usual.interference.name()),
+        ];
+        let other = asked.into_iter().find(|(_, value, usual)| value != usual);
+        match other.filter(|_| Source::is_recording(source)) {
+            None => Ok(()),
+            Some((key, value, _)) => Err(Refused {
+                key,
+                value: value.into(),
+                problem: ": recorded scans have the surroundings they were taken in".into(),
+            }),
+        }
     }
 
     fn check_interference(&self) -> Result<(), Refused> {
@@ -240,6 +261,21 @@ mod tests {
         let said = config.check().unwrap_err().to_string();
         let expected = "scene.interference = flash: receiver.mode = litl-compat has no watts";
         assert_eq!(said, expected);
+    }
+
+    #[test]
+    fn recorded_scans_take_no_other_surroundings() {
+        let folder = tempfile::tempdir().unwrap();
+        let source = folder.path().to_str().unwrap();
+        for set in ["mirrors=glass", "retroreflectors=bright", "interference=flash"] {
+            let own: Vec<_> = [format!("scene.source={source}"), format!("scene.{set}")]
+                .map(|set| set.parse().unwrap())
+                .to_vec();
+            let said = load(None, &own).unwrap_err().to_string();
+            let key = set.replace('=', " = ");
+            let expected = ": recorded scans have the surroundings they were taken in";
+            assert_eq!(said, format!("scene.{key}{expected}"));
+        }
     }
 
     #[test]
