@@ -220,7 +220,7 @@ fn groups(echoes: &[(f64, f64)], span_m: f64) -> impl Iterator<Item = &[(f64, f6
     })
 }
 
-pub(crate) fn collect(beams: Vec<Vec<Return>>) -> SceneResponse {
+fn collect(beams: Vec<Vec<Return>>) -> SceneResponse {
     let mut offsets = Vec::with_capacity(beams.len() + 1);
     offsets.push(0);
     let mut end = 0;

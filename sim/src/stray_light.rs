@@ -1,11 +1,11 @@
 //! Light of retro-reflectors that strays within the sensor's own optics: glare in the channels that
 //! listen at the same time, and ghosts at multiples of the range.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
-use echoloop_frontend::{Return, SceneResponse};
+use echoloop_frontend::{Glare, Return, SceneResponse};
 
-use crate::scanner::{cluster, collect};
+use crate::scanner::cluster;
 use crate::scene::{Material, Surface};
 
 /// Retro-reflection of white prismatic sheeting, cd/lx/m², at 0.2° from the light: type IV of
@@ -80,27 +80,23 @@ pub(crate) fn edge_rad(divergence_mrad: [f64; 2]) -> f64 {
     0.5e-3 * divergence_mrad[0].max(divergence_mrad[1])
 }
 
-/// Adds to each beam what the optics scatter of the light of the beams fired at the same moment, by
-/// its number: a linear operator, the same for every scene (Gump et al., CVPR 2026).
+/// Adds to each beam what the optics scatter of the light of the beams fired at the same moment: a
+/// linear operator, the same for every scene (Gump et al., CVPR 2026).
 ///
 /// `directions` are unit vectors in the sensor's frame.
-pub fn add_glare(
-    response: &mut SceneResponse,
-    directions: &[[f32; 3]],
-    divergence_mrad: [f64; 2],
-    moment: impl Fn(u32) -> u64,
-) {
+pub fn add_glare(response: &mut SceneResponse, directions: &[[f32; 3]], divergence_mrad: [f64; 2]) {
     let strongest = scattered(0.0, divergence_mrad);
-    let mut fired: HashMap<u64, Vec<usize>> = HashMap::new();
-    (0..response.len()).for_each(|beam| fired.entry(moment(beam as u32)).or_default().push(beam));
-    let mut added: HashMap<usize, Vec<(f64, f64)>> = HashMap::new();
-    for beam in 0..response.len() {
+    let mut fired: HashMap<u32, Vec<usize>> = HashMap::new();
+    for (beam, first) in response.fired_with.iter().enumerate() {
+        fired.entry(*first).or_default().push(beam);
+    }
+    let mut added: BTreeMap<usize, Vec<(f64, f64)>> = BTreeMap::new();
+    for (beam, first) in response.fired_with.iter().enumerate() {
         let bright = |of: &&Return| f64::from(of.strength_per_m2) * strongest > FAINTEST_PER_M2;
         for of in response.of(beam).iter().filter(bright) {
-            for &other in fired[&moment(beam as u32)].iter().filter(|other| **other != beam) {
+            for &other in fired[first].iter().filter(|other| **other != beam) {
                 let [a, b] = [beam, other].map(|beam| directions[beam].map(f64::from));
-                let angle_rad = angle(a, b);
-                let share = scattered(angle_rad, divergence_mrad);
+                let share = scattered(angle(a, b), divergence_mrad);
                 let strength = share * f64::from(of.strength_per_m2);
                 if strength > FAINTEST_PER_M2 {
                     added.entry(other).or_default().push((of.range_m.into(), strength));
@@ -108,17 +104,11 @@ pub fn add_glare(
             }
         }
     }
-    let both = |beam: usize| match added.remove(&beam) {
-        None => response.of(beam).to_vec(),
-        Some(mut echoes) => {
-            let own = response.of(beam).iter();
-            echoes.extend(own.map(|of| (of.range_m.into(), of.strength_per_m2.into())));
-            cluster(&mut echoes)
-        }
+    let of_beam = |(beam, mut lights): (usize, Vec<_>)| {
+        let beam = beam as u32;
+        cluster(&mut lights).into_iter().map(move |light| Glare { beam, light })
     };
-    let beams = (0..response.len()).map(both).collect();
-    let traced = collect(beams);
-    (response.beams, response.returns) = (traced.beams, traced.returns);
+    response.glare = added.into_iter().flat_map(of_beam).collect();
 }
 
 /// Angle between two unit vectors, radians.
@@ -187,18 +177,23 @@ mod tests {
     fn a_sign_glares_into_channels_fired_with_it_as_the_square_of_the_angle() {
         let (plain, directions) = look(20.0, &[0.0, 1.5, 3.0, 6.0]);
         assert!((1..4).all(|beam| plain.of(beam).is_empty()), "beside the sign");
-        let mut response = plain.clone();
-        add_glare(&mut response, &directions, [3.0, 1.5], u64::from);
-        assert_eq!(response, plain, "each by itself");
-        add_glare(&mut response, &directions, [3.0, 1.5], |_| 0);
-        let sign = returns(&response, 0)[0].1;
+        let glared = |fired_with: &[u32]| {
+            let mut response = SceneResponse { fired_with: fired_with.into(), ..plain.clone() };
+            add_glare(&mut response, &directions, [3.0, 1.5]);
+            assert_eq!((&response.beams, &response.returns), (&plain.beams, &plain.returns));
+            response
+        };
+        assert!(glared(&[]).glare.is_empty() && glared(&[0, 1, 2, 3]).glare.is_empty());
+        let response = glared(&[0; 4]);
+        let sign = returns(&plain, 0)[0].1;
         for (beam, degrees) in [(1, 1.5), (2, 3.0), (3, 6.0)] {
-            let (range_m, glare) = returns(&response, beam)[0];
+            let [Glare { light, .. }] = response.glare_in(beam) else { panic!("one glare") };
+            let (range_m, glare) = (f64::from(light.range_m), f64::from(light.strength_per_m2));
             let expected = sign * 4.5e-6 * 0.3 / (degrees * degrees);
             assert!(near(glare, expected), "{glare} for {expected} at {degrees} degrees");
             assert!((range_m - 20.0).abs() < 0.01, "{range_m} m");
         }
-        assert_eq!(response.of(0), plain.of(0), "the sign's own beam");
+        assert!(response.glare_in(0).is_empty(), "the sign's own beam");
     }
 
     /// ∫ b dΩ between the edge of the pixel and 90°.

@@ -3,7 +3,7 @@
 use crate::backscatter::{BackscatterResponse, Medium};
 use crate::board::{Analog, Trigger};
 use crate::hydrometeors::Hydrometeors;
-use crate::light::Return;
+use crate::light::{Glare, Return};
 use crate::litl_units as litl;
 use crate::mode::Mode;
 use crate::noise::Purpose;
@@ -47,12 +47,12 @@ impl Aerosol {
         Some(Self { medium, hydrometeors, backscatter, returns, background })
     }
 
-    /// Light from the surfaces, and from the air in front of them.
+    /// Light from the surfaces, their glare, and light from the air in front of them.
     pub(crate) fn fill(
         &mut self,
         receiver: &Receiver,
         analog: &Analog,
-        surfaces: &[Return],
+        (surfaces, glare): (&[Return], &[Glare]),
         (seed, trigger): (u64, Trigger),
         samples: usize,
     ) -> Light<'_> {
@@ -69,6 +69,7 @@ impl Aerosol {
         // All shots of a beam are fired within microseconds: they meet the same drops.
         let still = Purpose::Hydrometeors.for_shot(seed, Trigger { shot: 0, ..trigger });
         self.hydrometeors.add(still, &mut self.returns);
+        self.returns.extend(glare.iter().map(|of| of.light));
         Light { returns: &self.returns, background: &self.background, other: None }
     }
 }

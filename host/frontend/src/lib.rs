@@ -57,7 +57,7 @@ mod weather;
 pub use board::{Analog, FrontEnd, ScanNoise, Trigger};
 pub use channel::Channel;
 pub use exposure::{Exposure, ShotBuffers};
-pub use light::{OtherLight, Return, SceneResponse};
+pub use light::{Glare, OtherLight, Return, SceneResponse};
 pub use mode::Mode;
 pub use noise::{before_the_trigger, noise_key, shaking};
 pub use receiver::Receiver;

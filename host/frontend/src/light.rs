@@ -10,6 +10,16 @@ pub struct Return {
     pub strength_per_m2: f32,
 }
 
+/// Light of a bright surface in another beam, which the sensor's optics scatter into this one. No
+/// surface in this beam returns it: weather behind its range is seen as without it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Glare {
+    /// Beam that sees it.
+    pub beam: u32,
+    /// Range and strength of the light.
+    pub light: Return,
+}
+
 /// Light of another LiDAR's pulse that a beam sees while the pulse lasts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct OtherLight {
@@ -19,7 +29,7 @@ pub struct OtherLight {
     pub path_m: f32,
 }
 
-/// Returns of every beam, by increasing range within a beam.
+/// Returns of the surfaces in every beam, by increasing range within a beam, and other light.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneResponse {
     /// Beam `i` owns `returns[beams[i]..beams[i + 1]]`; one entry more than there are beams.
@@ -29,8 +39,13 @@ pub struct SceneResponse {
     /// Cell that each beam is steered to, column · 2¹⁶ + row, rising; none where no beam is
     /// steered.
     pub cells: Vec<u32>,
+    /// Glare, by beam and by increasing range within a beam. Steered beams have none.
+    pub glare: Vec<Glare>,
     /// Light of another LiDAR in each beam; none where there is no other.
     pub other: Vec<OtherLight>,
+    /// First of the beams that are fired at the same moment as each; none where each is fired by
+    /// itself, or nothing that strays would show it.
+    pub fired_with: Vec<u32>,
 }
 
 impl SceneResponse {
@@ -69,11 +84,25 @@ impl SceneResponse {
         self.index(beam, cell).map_or(&[], |beam| self.of(beam))
     }
 
+    /// Glare in a beam.
+    #[must_use]
+    pub fn glare_in(&self, beam: u32) -> &[Glare] {
+        let from = self.glare.partition_point(|of| of.beam < beam);
+        let count = self.glare[from..].partition_point(|of| of.beam == beam);
+        &self.glare[from..from + count]
+    }
+
     /// Light of another LiDAR in such a beam.
     #[must_use]
     pub fn other_at(&self, beam: usize, cell: u32) -> Option<OtherLight> {
         let light = self.other.get(self.index(beam, cell)?)?;
         Some(*light).filter(|light| light.irradiance_w_m2 > 0.0)
+    }
+
+    /// First of the beams that are fired at the same moment as a beam.
+    #[must_use]
+    pub fn first_fired_with(&self, beam: u32) -> u32 {
+        self.fired_with.get(beam as usize).copied().unwrap_or(beam)
     }
 
     fn index(&self, beam: usize, cell: u32) -> Option<usize> {
@@ -87,6 +116,17 @@ impl SceneResponse {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn each_beam_has_its_own_glare() {
+        let light = |range_m| Return { range_m, strength_per_m2: 1.0 };
+        let glare = [(2, 10.0), (2, 20.0), (5, 10.0)];
+        let glare = glare.map(|(beam, range_m)| Glare { beam, light: light(range_m) }).to_vec();
+        let scene = SceneResponse { glare, ..SceneResponse::default() };
+        let seen = |beam| scene.glare_in(beam).iter().map(|of| of.light.range_m).collect();
+        let seen: Vec<Vec<f32>> = [0, 2, 3, 5, 6].map(seen).to_vec();
+        assert_eq!(seen, [vec![], vec![10.0, 20.0], vec![], vec![10.0], vec![]]);
+    }
 
     #[test]
     fn a_steered_beam_sees_the_returns_of_its_cell_and_of_no_other() {

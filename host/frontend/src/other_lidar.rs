@@ -32,7 +32,8 @@ pub(crate) struct PulseWithin {
 }
 
 impl OtherPulse {
-    /// Pulse that meets a shot; `share` of the light is what the channel lets pass.
+    /// Pulse that meets a shot, the same for all beams fired with `trigger.beam`; the channel lets
+    /// `share` of the light pass.
     ///
     /// ```text
     /// i = M·R0·η·A_r · E · e^(−α·path)
@@ -92,8 +93,13 @@ mod tests {
     /// Sample of the highest code of each shot, and its height above the median, in codes.
     fn peaks(receiver: Receiver, analog: &Analog, light: OtherLight) -> Vec<(usize, f64)> {
         let beams = vec![0; SHOTS as usize + 1];
-        let scene =
-            SceneResponse { beams, other: vec![light; SHOTS as usize], ..SceneResponse::default() };
+        let other = vec![light; SHOTS as usize];
+        peaks_of(receiver, analog, SceneResponse { beams, other, ..SceneResponse::default() })
+    }
+
+    /// As [`peaks`], of the beams of a scene.
+    fn peaks_of(receiver: Receiver, analog: &Analog, scene: SceneResponse) -> Vec<(usize, f64)> {
+        let shots = scene.len() as u32;
         let mut front_end = WaveformFrontEnd::new(receiver, Arc::new(scene), 5);
         let mut codes = vec![0; analog.pre_trigger + 800];
         let peak = |beam| {
@@ -103,7 +109,7 @@ mod tests {
             sorted.sort_unstable();
             (at, f64::from(codes[at]) - f64::from(sorted[codes.len() / 2]))
         };
-        (0..SHOTS).map(peak).collect()
+        (0..shots).map(peak).collect()
     }
 
     const LIGHT: OtherLight = OtherLight { irradiance_w_m2: 1e-3, path_m: 40.0 };
@@ -145,6 +151,30 @@ mod tests {
         let weak = Receiver { weak_channels: 1.0, weak_channel_db: 3.0, ..Receiver::default() };
         let of_half = mean_height(&peaks(weak, &analog, LIGHT)) / all;
         assert!((of_half / 0.501 - 1.0).abs() < 0.05, "{of_half}");
+    }
+
+    #[test]
+    fn beams_that_are_fired_at_once_meet_it_at_the_same_moment() {
+        let analog = Analog { pre_trigger: 40, ..Analog::USUAL };
+        let met = |fired_with: Vec<u32>| {
+            let (beams, other) = (vec![0; 401], vec![LIGHT; 400]);
+            let scene = SceneResponse { beams, other, fired_with, ..SceneResponse::default() };
+            let found = peaks_of(Receiver::default(), &analog, scene);
+            found.into_iter().map(|(at, height)| (height > 200.0).then_some(at)).collect()
+        };
+        // Four by four.
+        let together: Vec<Option<usize>> = met((0..400).map(|beam| beam & !3).collect());
+        let is_near = |four: &[Option<usize>]| match four {
+            [Some(first), rest @ ..] => {
+                rest.iter().all(|at| at.is_some_and(|at| at.abs_diff(*first) < 4))
+            }
+            _ => four.iter().all(Option::is_none),
+        };
+        assert!(together.as_chunks::<4>().0.iter().all(|four| is_near(four)), "{together:?}");
+        let met_at_all = together.iter().flatten().count();
+        assert!(met_at_all > 12, "{met_at_all} beams");
+        let alone: Vec<Option<usize>> = met(Vec::new());
+        assert!(!alone.as_chunks::<4>().0.iter().all(|four| is_near(four)), "{alone:?}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use echoloop_random::{Key, Stream};
 use crate::aerosol::{Aerosol, Light};
 use crate::board::{Analog, FrontEnd, Trigger};
 use crate::exposure::{Exposure, ShotBuffers};
-use crate::light::SceneResponse;
+use crate::light::{Return, SceneResponse};
 use crate::litl;
 use crate::mode::Mode;
 use crate::noise::{Purpose, before_the_trigger, noise_key};
@@ -25,6 +25,8 @@ pub struct WaveformFrontEnd {
     /// Cell that the beam is steered to.
     cell: u32,
     aerosol: Option<Box<Aerosol>>,
+    /// Returns and glare of the last beam that has both.
+    with_glare: Vec<Return>,
     before: Rendering,
     window: Rendering,
 }
@@ -37,7 +39,7 @@ impl WaveformFrontEnd {
         let extinction_per_m = receiver.extinction_per_m();
         let receiver = Receiver { extinction_per_m, weather: Weather::default(), ..receiver };
         let (before, window) = (Rendering::default(), Rendering::default());
-        Self { receiver, scene, seed, cell: 0, aerosol, before, window }
+        Self { receiver, scene, seed, cell: 0, aerosol, with_glare: Vec::new(), before, window }
     }
 
     /// Looks at another scene from now on.
@@ -91,10 +93,11 @@ impl FrontEnd for WaveformFrontEnd {
         };
         let share = heard.power_w / analog.power_w;
         let analog = heard;
-        let Self { receiver, scene, seed, cell, aerosol, before, window } = self;
+        let Self { receiver, scene, seed, cell, aerosol, with_glare, before, window } = self;
         let key = noise_key(*seed, trigger);
         let other = scene.other_at(trigger.beam as usize, *cell);
-        let other = other.map(|light| OtherPulse::at(receiver, light, share, (*seed, trigger)));
+        let moment = Trigger { beam: scene.first_fired_with(trigger.beam), ..trigger };
+        let other = other.map(|light| OtherPulse::at(receiver, light, share, (*seed, moment)));
         let (early, codes) = codes.split_at_mut(analog.pre_trigger.min(codes.len()));
         if !early.is_empty() {
             // The gain is full until the pulse leaves; then it falls and rises again.
@@ -105,12 +108,61 @@ impl FrontEnd for WaveformFrontEnd {
             before.render(receiver, &quiet, Light { other, ..Light::default() }, noise, early);
         }
         let returns = scene.at(trigger.beam as usize, *cell);
+        let glare = scene.glare_in(trigger.beam);
         let light = match aerosol {
-            Some(air) => air.fill(receiver, &analog, returns, (*seed, trigger), codes.len()),
-            None => Light { returns, ..Light::default() },
+            Some(air) => {
+                air.fill(receiver, &analog, (returns, glare), (*seed, trigger), codes.len())
+            }
+            None if glare.is_empty() => Light { returns, ..Light::default() },
+            None => {
+                with_glare.clear();
+                with_glare.extend(returns.iter().copied().chain(glare.iter().map(|of| of.light)));
+                Light { returns: with_glare, ..Light::default() }
+            }
         };
         let light = Light { other: other.map(|pulse| pulse.in_window(&analog)), ..light };
         let photons = || Purpose::Photons.for_shot(*seed, trigger);
         window.render(receiver, &analog, light, (key, photons), codes);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::Glare;
+    use crate::weather::Precipitation;
+
+    fn codes(receiver: &Receiver, scene: &SceneResponse, beam: u32) -> Vec<u16> {
+        let mut front_end = WaveformFrontEnd::new(receiver.clone(), Arc::new(scene.clone()), 5);
+        let mut codes = vec![0; 800];
+        front_end.capture(&Analog::USUAL, Trigger { frame: 1, beam, shot: 0 }, &mut codes);
+        codes
+    }
+
+    /// Samples of a beam at the sky that glare at 40 m changes.
+    fn changed_by_glare(receiver: &Receiver, beam: u32) -> Vec<usize> {
+        let light = Return { range_m: 40.0, strength_per_m2: 1e-3 };
+        let sky = SceneResponse::empty(64);
+        let glared = SceneResponse { glare: vec![Glare { beam, light }], ..sky.clone() };
+        let [without, with] = [&sky, &glared].map(|scene| codes(receiver, scene, beam));
+        (0..800).filter(|&n| without[n] != with[n]).collect()
+    }
+
+    #[test]
+    fn glare_hides_no_weather_and_is_seen_at_its_own_range_alone() {
+        for mode in [Mode::Physical, Mode::LitlCompat] {
+            for kind in Precipitation::ALL {
+                let weather = Weather { kind, visibility_m: 100.0, ..Weather::default() };
+                let receiver = Receiver { mode, weather, ..Receiver::default() };
+                for beam in 0..8 {
+                    let changed = changed_by_glare(&receiver, beam);
+                    // A pulse of 10 ns, 267 ns after the trigger and 256 after the window begins.
+                    let [first, .., last] = changed[..] else {
+                        panic!("{mode:?} {kind:?}: unseen")
+                    };
+                    assert!(first >= 255 && last < 290, "{mode:?} {kind:?}: {first} to {last}");
+                }
+            }
+        }
     }
 }

@@ -6,6 +6,7 @@
 pub mod list;
 
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use echoloop_dsp::{Refusal, ScanPattern, Settings};
@@ -157,8 +158,18 @@ impl Beams {
         }
     }
 
-    /// Number of the moment at which a beam is fired, with all beams of the same number.
-    pub fn moment(&self, beam: u32) -> u64 {
+    /// First of the beams that are fired at the same moment as each; empty when each is fired by
+    /// itself.
+    pub fn fired_with(&self) -> Vec<u32> {
+        let mut first = HashMap::new();
+        let beams = 0..self.pattern.beams();
+        let with = |beam| *first.entry(self.moment(beam)).or_insert(beam);
+        let with: Vec<u32> = beams.map(with).collect();
+        if first.len() == with.len() { Vec::new() } else { with }
+    }
+
+    /// Number of the moment at which a beam is fired.
+    fn moment(&self, beam: u32) -> u64 {
         match self.pattern {
             ScanPattern::Table(_) => self.listed(beam).map_or(0, |listed| listed.time_ns),
             ScanPattern::Spinning(spinning) => spinning.time(beam)[0].into(),

@@ -103,10 +103,11 @@ fn add_pair(sum: &mut Running, pair: &ScanPair, beams: &Beams) {
 
 fn add_scan(sum: &mut Running, scan: &SceneResponse) {
     scan.beams.iter().for_each(|beam| sum.add(&beam.to_le_bytes()));
-    for back in &scan.returns {
+    for back in scan.returns.iter().chain(scan.glare.iter().map(|of| &of.light)) {
         sum.add(&back.range_m.to_bits().to_le_bytes());
         sum.add(&back.strength_per_m2.to_bits().to_le_bytes());
     }
+    scan.glare.iter().for_each(|of| sum.add(&of.beam.to_le_bytes()));
     for light in &scan.other {
         sum.add(&light.irradiance_w_m2.to_bits().to_le_bytes());
         sum.add(&light.path_m.to_bits().to_le_bytes());

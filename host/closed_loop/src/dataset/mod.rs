@@ -392,9 +392,12 @@ impl View {
                 self.from(|beam| path.world_from_sensor(beam), &directions)
             }
         };
-        if self.optics.cats_eye_m2 > 0.0 {
-            let moment = |beam| beams.moment(beam);
-            add_glare(&mut response, &directions, self.optics.divergence_mrad, moment);
+        let is_dazzled = self.optics.cats_eye_m2 > 0.0;
+        if is_dazzled || self.other.is_some() {
+            response.fired_with = beams.fired_with();
+        }
+        if is_dazzled {
+            add_glare(&mut response, &directions, self.optics.divergence_mrad);
         }
         SceneResponse { cells: beams.cells(), ..response }
     }
@@ -472,31 +475,17 @@ mod tests {
     fn bright_signs_glare_into_beams_fired_at_the_same_moment_only() {
         // Beams that see a sign, and those that see glare beside one.
         let seen = |pattern: &str| {
-            let scans = |retroreflectors: &str| {
-                let pairs = ["data.train_pairs=1", "data.test_pairs=1", "data.check_pairs=0"];
-                let own = ["scene.source=structured", "scanner.columns=360", pattern];
-                let more = [retroreflectors];
-                let config = configured(&[&pairs[..], &own[..], &more[..]].concat());
-                let dataset = Dataset::build(&config, &|_, _| ()).unwrap();
-                let scan = dataset.train[0].first.to(&dataset.beams);
-                (0..scan.len()).map(|beam| scan.of(beam).to_vec()).collect::<Vec<_>>()
-            };
-            let (dim, bright) =
-                (scans("scene.retroreflectors=dim"), scans("scene.retroreflectors=bright"));
-            let strongest =
-                |beam: &[Return]| beam.iter().map(|of| of.strength_per_m2).fold(0.0, f32::max);
-            let is_sign = |&i: &usize| strongest(&bright[i]) > 5.0 * strongest(&dim[i]).max(0.01);
-            // Neither there before, nor at a multiple of the range of what is there.
-            let is_glare = |of: &Return, dim: &[Return]| {
-                let is_near = |other: &Return| {
-                    let times = (of.range_m / other.range_m).round().clamp(1.0, 4.0);
-                    (of.range_m - times * other.range_m).abs() < 0.3
-                };
-                !dim.iter().any(is_near)
-            };
-            let glares = |&i: &usize| bright[i].iter().any(|of| is_glare(of, &dim[i]));
-            let beams = 0..dim.len();
-            (beams.clone().filter(is_sign).count(), beams.filter(glares).count())
+            let pairs = ["data.train_pairs=1", "data.test_pairs=1", "data.check_pairs=0"];
+            let own = ["scene.source=structured", "scanner.columns=360", pattern];
+            let bright = ["scene.retroreflectors=bright"];
+            let config = configured(&[&pairs[..], &own[..], &bright[..]].concat());
+            let dataset = Dataset::build(&config, &|_, _| ()).unwrap();
+            let scan = dataset.train[0].first.to(&dataset.beams);
+            // White reflects 1/π.
+            let is_sign = |of: &Return| of.strength_per_m2 * of.range_m.powi(2) > 3.0;
+            let signs = (0..scan.len()).filter(|&beam| scan.of(beam).iter().any(is_sign)).count();
+            let glared = |beam: &usize| !scan.glare_in(*beam as u32).is_empty();
+            (signs, (0..scan.len()).filter(glared).count())
         };
         let (signs, glares) = seen("scanner.pattern=os1-64");
         assert!(signs > 4 && glares > signs, "{signs} signs, {glares} beside them");

@@ -9,7 +9,8 @@
 //! scans, first and second of each pair to tune on, then of each to judge on: the number of returns
 //! of each beam (u16), then all ranges, then all strengths (f32). Of the floats the first bytes of
 //! all numbers come first, then the second bytes, and so on: exponents are alike, and zlib packs
-//! them better side by side. With another LiDAR, its irradiances and paths follow, one a beam.
+//! them better side by side. Of glare the beams (u32), ranges and strengths follow, and of another
+//! LiDAR its irradiances and paths, one a beam.
 
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -17,7 +18,7 @@ use std::sync::Arc;
 
 use echoloop_dsp::ParameterId;
 use echoloop_files::{one_line, read_data};
-use echoloop_frontend::{OtherLight, Return, SceneResponse};
+use echoloop_frontend::{Glare, OtherLight, Return, SceneResponse};
 use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
@@ -29,7 +30,7 @@ use super::pairs::{Dataset, ScanPair, viewpoints};
 use super::response::Response;
 use crate::beams::Beams;
 use crate::checksum::Checksum;
-use crate::config::{Interference, Retroreflectors, RunConfig, parse, written};
+use crate::config::{Interference, Retroreflectors, RunConfig, SceneConfig, parse, written};
 use crate::dataset::fingerprint::SceneFiles;
 use crate::dataset::source::Source;
 use echoloop_clouds::pose::{Pose, relative};
@@ -37,7 +38,7 @@ use echoloop_clouds::pose::{Pose, relative};
 const MAGIC: &[u8; 8] = b"ECHOPAIR";
 /// Version of the file. It rises with the format, and when the same configuration makes other
 /// scenes; files of another version are refused.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 const PREFIX: usize = 16;
 const SUFFIX: usize = 8;
 /// Most memory of what is read, in sizes of the file, beside [`ROOM`] bytes.
@@ -75,6 +76,8 @@ struct Head {
     overlap: f64,
     /// Number of returns of each scan.
     returns: [u64; 2],
+    /// Number of glares of each scan.
+    glares: [u64; 2],
 }
 
 /// Pose to the last bit: x, y, z, m, then the quaternion's i, j, k, w.
@@ -151,8 +154,7 @@ pub(super) fn load_stored(
             "holds {train} and {test} pairs, not those of its configuration"
         )));
     }
-    let has_other = config.scene.interference != Interference::None;
-    read_pairs(header, body, bytes.len() as u64, (beams, has_other)).map_err(fail)
+    read_pairs(header, body, bytes.len() as u64, (beams, &config.scene)).map_err(fail)
 }
 
 /// Pattern of the beams as text; a table's has the hash of its beams.
@@ -258,22 +260,30 @@ fn read_pairs(
     header: Header,
     body: &[u8],
     file: u64,
-    (beams, has_other): (Beams, bool),
+    (beams, scene): (Beams, &SceneConfig),
 ) -> Result<Dataset, String> {
+    let has_other = scene.interference != Interference::None;
+    let has_stray_light = has_other || scene.retroreflectors == Retroreflectors::Bright;
     let heads = || header.train.iter().chain(&header.test);
     let (count, of_beams) = (heads().count() as u64, u64::from(beams.pattern().beams()));
-    let returns = heads().flat_map(|head| head.returns).map(|n| n.min(MOST_RETURNS + 1));
+    let most = |count: u64| count.min(MOST_RETURNS + 1);
+    let returns = heads().flat_map(|head| head.returns).map(most);
+    let glares = heads().flat_map(|head| head.glares).map(most);
     let of_beam = if has_other { 2 + 8 } else { 2 };
-    let size = 2 * count * of_beam * of_beams + 8 * returns.sum::<u64>();
+    let size = 2 * count * of_beam * of_beams + 8 * returns.sum::<u64>() + 12 * glares.sum::<u64>();
     if size > MOST_GROWTH * file + ROOM {
         return Err("says that it holds far more than its size".into());
     }
     let mut body = ZlibDecoder::new(body);
-    let cells = beams.cells();
+    let seen = Seen {
+        beams: of_beams as usize,
+        has_other,
+        cells: beams.cells(),
+        fired_with: if has_stray_light { beams.fired_with() } else { Vec::new() },
+    };
     let mut pairs = |heads: Vec<Head>, first: usize| -> Result<Vec<ScanPair>, String> {
         let numbered = (first..).zip(heads);
-        let size = ((of_beams as usize, has_other), &cells[..]);
-        numbered.map(|(number, head)| head.with(number, &mut body, size)).collect()
+        numbered.map(|(number, head)| head.with(number, &mut body, &seen)).collect()
     };
     let judged_from = header.train.len();
     let (train, test) = (pairs(header.train, 0)?, pairs(header.test, judged_from)?);
@@ -283,39 +293,45 @@ fn read_pairs(
     }
 }
 
+/// What all scans of a file have alike.
+struct Seen {
+    /// Number of beams.
+    beams: usize,
+    /// True where another LiDAR is seen.
+    has_other: bool,
+    cells: Vec<u32>,
+    fired_with: Vec<u32>,
+}
+
 impl Head {
     fn new(pair: &ScanPair, beams: &Beams) -> Self {
-        let returns = |scan: &Response| scan.to(beams).returns.len() as u64;
+        let scans = [&pair.first, &pair.second].map(|scan| scan.to(beams));
         Self {
             place: pair.place.clone(),
             world_from_sensor: pair.world_from_sensor.map(Placed::from),
             overlap: pair.overlap,
-            returns: [returns(&pair.first), returns(&pair.second)],
+            returns: scans.each_ref().map(|scan| scan.returns.len() as u64),
+            glares: scans.each_ref().map(|scan| scan.glare.len() as u64),
         }
     }
 
-    fn with(
-        self,
-        number: usize,
-        body: &mut impl Read,
-        (beams, cells): ((usize, bool), &[u32]),
-    ) -> Result<ScanPair, String> {
+    fn with(self, number: usize, body: &mut impl Read, seen: &Seen) -> Result<ScanPair, String> {
         if !(0.0..=1.0).contains(&self.overlap) || self.place.contains(char::is_control) {
             return Err("holds a pair that is none".into());
         }
-        let [first, second] = self.returns.map(|returns| read_scan(body, beams, returns));
-        let steered = |scan| {
-            let cells = cells.to_vec();
-            Response::Fixed(Arc::new(SceneResponse { cells, ..scan }))
+        let mut scan = |index| -> Result<Response, String> {
+            let counts: [u64; 2] = [self.returns[index], self.glares[index]];
+            Ok(Response::Fixed(Arc::new(read_scan(body, seen, counts)?)))
         };
+        let [first, second] = [scan(0), scan(1)];
         let [from_first, from_second] = self.world_from_sensor.map(Placed::pose);
         let world_from_sensor = [from_first?, from_second?];
         Ok(ScanPair {
             place: self.place,
             truth: relative(&world_from_sensor[0], &world_from_sensor[1]),
             world_from_sensor,
-            first: steered(first?),
-            second: steered(second?),
+            first: first?,
+            second: second?,
             viewpoints: viewpoints(number),
             overlap: self.overlap,
         })
@@ -348,24 +364,28 @@ fn write_scan(body: &mut impl Write, scan: &SceneResponse) -> std::io::Result<()
     body.write_all(&counts.flat_map(u16::to_le_bytes).collect::<Vec<u8>>())?;
     body.write_all(&planes(scan.returns.iter().map(|one| one.range_m)))?;
     body.write_all(&planes(scan.returns.iter().map(|one| one.strength_per_m2)))?;
+    body.write_all(&scan.glare.iter().flat_map(|of| of.beam.to_le_bytes()).collect::<Vec<u8>>())?;
+    body.write_all(&planes(scan.glare.iter().map(|of| of.light.range_m)))?;
+    body.write_all(&planes(scan.glare.iter().map(|of| of.light.strength_per_m2)))?;
     body.write_all(&planes(scan.other.iter().map(|light| light.irradiance_w_m2)))?;
     body.write_all(&planes(scan.other.iter().map(|light| light.path_m)))
 }
 
 fn read_scan(
     body: &mut impl Read,
-    (beams, has_other): (usize, bool),
-    returns: u64,
+    seen: &Seen,
+    [returns, glares]: [u64; 2],
 ) -> Result<SceneResponse, String> {
     let cut = || "holds less than it says".to_owned();
-    let count = usize::try_from(returns).ok().filter(|_| returns <= MOST_RETURNS);
-    let count = count.ok_or("says that it holds more returns than a scan has")?;
+    let number = |count: u64| usize::try_from(count).ok().filter(|_| count <= MOST_RETURNS);
+    let count = number(returns).ok_or("says that it holds more returns than a scan has")?;
+    let glares = number(glares).ok_or("says that it holds more glares than a scan has")?;
     let mut take = |bytes: usize| -> Result<Vec<u8>, String> {
         let mut taken = Vec::new();
         let read = body.by_ref().take(bytes as u64).read_to_end(&mut taken);
         read.ok().filter(|&read| read == bytes).map(|_| taken).ok_or_else(cut)
     };
-    let counts = take(2 * beams)?;
+    let counts = take(2 * seen.beams)?;
     let ends = counts.as_chunks().0.iter().scan(0_u64, |end, count| {
         *end += u64::from(u16::from_le_bytes(*count));
         Some(*end)
@@ -375,19 +395,32 @@ fn read_scan(
         return Err("holds beams whose returns are not as many as it says".into());
     }
     let (ranges, strengths) = (take(4 * count)?, take(4 * count)?);
-    let lights = if has_other { 4 * beams } else { 0 };
+    let glared = take(4 * glares)?;
+    let (glare_ranges, glare_strengths) = (take(4 * glares)?, take(4 * glares)?);
+    let lights = if seen.has_other { 4 * seen.beams } else { 0 };
     let (lights, paths) = (take(lights)?, take(lights)?);
     let other = numbers(&lights).zip(numbers(&paths));
     let other = other.map(|(irradiance_w_m2, path_m)| OtherLight { irradiance_w_m2, path_m });
-    let beams = ends.iter().map(|&end| end as u32).collect(); // no more than there are returns
-    let each = numbers(&ranges).zip(numbers(&strengths));
-    let returns = each.map(|(range_m, strength_per_m2)| Return { range_m, strength_per_m2 });
-    let (returns, other, cells) = (returns.collect(), other.collect(), Vec::new());
-    let scan = SceneResponse { beams, returns, cells, other };
+    let glared = glared.as_chunks().0.iter().map(|beam| u32::from_le_bytes(*beam));
+    let glare = glared.zip(lights_of(&glare_ranges, &glare_strengths));
+    let scan = SceneResponse {
+        beams: ends.iter().map(|&end| end as u32).collect(), // no more than there are returns
+        returns: lights_of(&ranges, &strengths).collect(),
+        cells: seen.cells.clone(),
+        glare: glare.map(|(beam, light)| Glare { beam, light }).collect(),
+        other: other.collect(),
+        fired_with: seen.fired_with.clone(),
+    };
     is_sound(&scan).then_some(scan).ok_or_else(|| "holds a return that is none".into())
 }
 
-/// True when ranges rise within each beam, and all numbers are finite and strengths positive.
+fn lights_of(ranges: &[u8], strengths: &[u8]) -> impl Iterator<Item = Return> {
+    let each = numbers(ranges).zip(numbers(strengths));
+    each.map(|(range_m, strength_per_m2)| Return { range_m, strength_per_m2 })
+}
+
+/// True when ranges rise within each beam, all numbers are finite and strengths positive, and glare
+/// is in beams that there are.
 fn is_sound(scan: &SceneResponse) -> bool {
     let number = |one: &Return| {
         (0.0..f32::INFINITY).contains(&one.range_m)
@@ -398,7 +431,13 @@ fn is_sound(scan: &SceneResponse) -> bool {
     let light = |of: &OtherLight| {
         [of.irradiance_w_m2, of.path_m].iter().all(|value| (0.0..f32::INFINITY).contains(value))
     };
-    scan.other.iter().all(light) && scan.returns.iter().all(number) && (0..scan.len()).all(rise)
+    let rises = |a: &Glare, b: &Glare| (a.beam, a.light.range_m) <= (b.beam, b.light.range_m);
+    let has_beam = |of: &Glare| (of.beam as usize) < scan.len() && number(&of.light);
+    scan.other.iter().all(light)
+        && scan.returns.iter().all(number)
+        && scan.glare.iter().all(has_beam)
+        && scan.glare.is_sorted_by(rises)
+        && (0..scan.len()).all(rise)
 }
 
 /// First bytes of all numbers, then all second bytes, third, fourth.
@@ -443,9 +482,21 @@ mod tests {
 
     #[test]
     fn pairs_read_back_bit_for_bit() {
-        for more in [&[][..], &["scene.interference=flash"]] {
-            let config = config(more);
+        let fired_at_once = |stray_light: &str| {
+            let scene = ["scene.source=structured", "scene.towns=[1]", stray_light];
+            let beams = ["scanner.pattern=os1-64", "scanner.columns=360"];
+            let pairs = ["data.train_pairs=1", "data.test_pairs=1"];
+            configured(&[&scene[..], &beams, &pairs].concat())
+        };
+        for (config, has_glare) in [
+            (config(&[]), false),
+            (config(&["scene.interference=flash"]), false),
+            (fired_at_once("scene.interference=flash"), false),
+            (fired_at_once("scene.retroreflectors=bright"), true),
+        ] {
             let traced = Dataset::build(&config, &|_, _| ()).unwrap();
+            let glares: usize = traced.views().map(|scan| scan.glare.len()).sum();
+            assert_eq!(glares > 0, has_glare, "{glares}");
             let bytes = stored(&config, &traced).unwrap();
             let back = load(&bytes, &config).unwrap();
             let text = |set: &Dataset| format!("{:?} {:?} {}", set.train, set.test, set.triangles);
@@ -499,10 +550,10 @@ mod tests {
         changed[bytes.len() / 2] ^= 1;
         assert!(load(&changed, &own).unwrap_err().contains("checksum"));
         let mut later = bytes.clone();
-        later[8] = 3;
+        later[8] = 4;
         assert_eq!(
             load(&later, &own).unwrap_err(),
-            "F: of version 3, expected 2: store the pairs anew"
+            "F: of version 4, expected 3: store the pairs anew"
         );
         assert_eq!(load(b"ply\n", &own).unwrap_err(), "F: no file of pairs (of `echoloop store`)");
     }
