@@ -14,7 +14,7 @@ use super::exit::{Failure, print};
 use super::number::{ANY, number_as};
 use super::response::{ResponseArgs, doubt_line, response_line};
 use echoloop_instruments::{
-    Finder, Kind, Noise, Options, Polarity, Reason, Rows, Selection, Waveform, echoes,
+    BadOption, Finder, Kind, Noise, Options, Polarity, Reason, Rows, Selection, Waveform, echoes,
     read_waveforms,
 };
 
@@ -258,19 +258,11 @@ fn sample_ns(given: Option<f64>, path: &Path, rows: &Rows) -> Result<f64, Failur
 
 /// Refuses what is out of range.
 fn checked(args: &EchoesArgs) -> Result<(), Failure> {
-    let ns = args.sample_ns.unwrap_or(1.0);
-    let checks = [
-        ("--sample-ns", ns, (1e-6..=1e9).contains(&ns), "0.000001 to 1000000000"),
-        ("--snr", args.snr, (1.0..=250.0).contains(&args.snr), "1 to 250"),
-        ("--floor", args.floor, (0.0..=1.0).contains(&args.floor), "0 to 1"),
-        ("--min-separation-ns", args.min_separation_ns, args.min_separation_ns >= 0.0, "0 or more"),
-    ];
-    match checks.into_iter().find(|(_, value, good, _)| !(*good && value.is_finite())) {
-        Some((flag, value, _, range)) => {
-            Err(Failure::usage(format!("{flag} {value} must be {range}")))
-        }
-        None => Ok(()),
-    }
+    options(args, args.sample_ns.unwrap_or(1.0)).check().map_err(
+        |BadOption { name, value, expected }| {
+            Failure::usage(format!("--{} {value} must be {expected}", name.replace('_', "-")))
+        },
+    )
 }
 
 fn options(args: &EchoesArgs, sample_ns: f64) -> Options {

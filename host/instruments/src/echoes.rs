@@ -33,6 +33,38 @@ pub struct Options {
     pub min_separation_ns: f64,
 }
 
+/// Option out of its bounds.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{name} = {value} must be {expected}")]
+pub struct BadOption {
+    /// Name of the field.
+    pub name: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// What it may be.
+    pub expected: &'static str,
+}
+
+impl Options {
+    /// Refuses an option out of its bounds.
+    ///
+    /// # Errors
+    ///
+    /// [`BadOption`] names the first.
+    pub fn check(&self) -> Result<(), BadOption> {
+        let Self { sample_ns, snr, floor, min_separation_ns, .. } = *self;
+        let checks = [
+            ("sample_ns", sample_ns, 1e-6..=1e9, "0.000001 to 1000000000"),
+            ("snr", snr, 1.0..=250.0, "1 to 250"),
+            ("floor", floor, 0.0..=1.0, "0 to 1"),
+            ("min_separation_ns", min_separation_ns, 0.0..=f64::MAX, "0 or more"),
+        ];
+        let bad = checks.into_iter().find(|(_, value, bounds, _)| !bounds.contains(value));
+        let refused = |(name, value, _, expected)| Err(BadOption { name, value, expected });
+        bad.map_or(Ok(()), refused)
+    }
+}
+
 /// One echo.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Echo {

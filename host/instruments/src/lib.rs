@@ -48,7 +48,7 @@ mod rows;
 mod scope;
 
 pub use axis::TimeAxis;
-pub use echoes::{DroppedTop, Echo, Finder, Options, POSSIBLE_REPEAT, Waveform};
+pub use echoes::{BadOption, DroppedTop, Echo, Finder, Options, POSSIBLE_REPEAT, Waveform};
 pub use finder::Reason;
 pub use hdf5::{Kind, Selection};
 pub use noise::Noise;
