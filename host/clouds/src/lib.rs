@@ -26,7 +26,7 @@ pub mod survey;
 mod write;
 
 pub use cloud::{Cloud, Dropped, is_finite};
-pub use echoloop_files::{Column, FileError, NumberType, attribute};
+pub use echoloop_files::{Column, Coordinates, FileError, NumberType, attribute};
 pub use error::CloudError;
 pub use format::{CloudFormat, read_formats};
 pub use pose::Pose;

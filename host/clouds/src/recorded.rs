@@ -61,6 +61,24 @@ impl Recorded {
         recorded
     }
 
+    /// A cloud of coordinates in memory, m, as [`read_points`](crate::read_points) makes it of a
+    /// file: without points that are no echo, and with a shift far from the origin.
+    ///
+    /// # Errors
+    ///
+    /// The point whose coordinates are too large, or whose σ_R is none.
+    pub fn from_coordinates(
+        coordinates: Coordinates,
+        range_sd_m: Option<Vec<f32>>,
+    ) -> Result<(Self, Dropped), String> {
+        let mut recorded = Self::of(coordinates, range_sd_m);
+        recorded.check_range()?;
+        recorded.check_sds()?;
+        let dropped = recorded.drop_invalid();
+        recorded.locate();
+        Ok((recorded, dropped))
+    }
+
     /// Computes the points of the cloud from the exact coordinates, if there are any.
     fn narrow(&mut self) {
         if let Some(exact) = &self.exact {
