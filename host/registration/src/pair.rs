@@ -1,13 +1,14 @@
 //! Two clouds of files, registered as `echoloop register` does: by settings that fit them, checked
 //! on the clouds, in the frames of the files.
 
-use echoloop_clouds::{Pose, Recorded};
+use echoloop_clouds::{Cloud, Pose, Recorded};
 
 use crate::config::given::{Given, GivenError};
+use crate::overlap::{Scene, settled};
 use crate::survey::Frames;
 use crate::{
-    ConfigError, Confirmed, IcpConfig, Method, MethodConfig, Outcome, Registration, Suggestions,
-    build,
+    ConfigError, Confirmed, Gicp, Icp, IcpConfig, Method, MethodConfig, Outcome, PrepareError,
+    Registration, Source, StopReason, Suggestions, Target, build,
 };
 
 /// Largest difference of two shifts that become one, m, so that clouds nearly in place are
@@ -42,6 +43,23 @@ pub enum RequestError {
     /// A setting.
     #[error(transparent)]
     Given(#[from] GivenError),
+}
+
+/// Reason why a target cannot be prepared.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum TargetError {
+    /// A request that makes no sense.
+    #[error(transparent)]
+    Request(#[from] RequestError),
+    /// A setting that cannot run.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A method that prepares nothing of a target alone.
+    #[error("a target is prepared for icp or gicp, not for {}", .0.name())]
+    Method(Method),
+    /// A cloud that cannot be thinned.
+    #[error(transparent)]
+    Cloud(#[from] PrepareError),
 }
 
 /// Two clouds registered.
@@ -102,6 +120,103 @@ impl Request {
     }
 }
 
+/// A target prepared once for many sources, by a local method.
+#[derive(Clone, Debug)]
+pub struct PreparedTarget {
+    /// Settings used, chosen from the target alone where they are not given.
+    pub config: MethodConfig,
+    target: Recorded,
+    prepared: Target,
+    scene: Scene,
+    scene_voxel_m: f64,
+}
+
+impl PreparedTarget {
+    /// Prepares a target for the method of a request, which is icp or gicp.
+    ///
+    /// # Errors
+    ///
+    /// [`TargetError`] names what cannot be used.
+    pub fn new(request: &Request, target: Recorded) -> Result<Self, TargetError> {
+        request.check(false)?;
+        let suggestions = Suggestions::new(&target.cloud, &target.cloud);
+        let config = request.given.config(request.method, &suggestions)?;
+        let prepared = match &config {
+            MethodConfig::Icp(config) => Target::prepare(&target.cloud, config)?,
+            MethodConfig::Gicp(config) => Target::prepare(&target.cloud, config)?,
+            _ => return Err(TargetError::Method(request.method)),
+        };
+        let scene_voxel_m = suggestions.scene_voxel_m();
+        let scene = Scene::new(&target.cloud, scene_voxel_m)?;
+        Ok(Self { config, target, prepared, scene, scene_voxel_m })
+    }
+
+    /// Number of points that are left of the target.
+    pub fn len(&self) -> usize {
+        self.prepared.len()
+    }
+
+    /// True without points, which [`PreparedTarget::new`] refuses.
+    pub fn is_empty(&self) -> bool {
+        self.prepared.is_empty()
+    }
+
+    /// The target.
+    pub fn target(&self) -> &Recorded {
+        &self.target
+    }
+
+    /// Registers a source that is in [one frame](in_one_frame) with the target. With the same
+    /// settings, as [`Request::register`] does.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`] names a setting that cannot run.
+    pub fn register(&self, source: &Recorded, initial: &Pose) -> Result<Registered, ConfigError> {
+        let frames = Frames::new(&self.target, source);
+        let initial = frames.inside(initial);
+        let outcome = match &self.config {
+            MethodConfig::Icp(config) => {
+                let (icp, source) = (Icp::new(*config)?, &source.cloud);
+                self.align(source, &initial, Source::prepare(source, config), |source, from| {
+                    icp.align(&self.prepared, source, from)
+                })
+            }
+            MethodConfig::Gicp(config) => {
+                let (gicp, source) = (Gicp::new(*config)?, &source.cloud);
+                self.align(source, &initial, Target::prepare(source, config), |source, from| {
+                    gicp.align(&self.prepared, source, from)
+                })
+            }
+            _ => Outcome::nothing(&initial, StopReason::BadSettings), // refused by `new`
+        };
+        Ok(Registered { config: self.config, outcome, frames })
+    }
+
+    /// The outcome of a fit, asked of both clouds as [`Confirmed`] does.
+    fn align<S>(
+        &self,
+        source: &Cloud,
+        initial: &Pose,
+        prepared: Result<S, PrepareError>,
+        align: impl Fn(&S, &Pose) -> Outcome,
+    ) -> Outcome {
+        let source_prepared = match prepared {
+            Ok(prepared) => prepared,
+            Err(error) => return Outcome::nothing(initial, error.into()),
+        };
+        let outcome = align(&source_prepared, initial);
+        if outcome.iterations == 0 {
+            return outcome;
+        }
+        let Ok(scene) = Scene::new(source, self.scene_voxel_m) else { return outcome };
+        let unit_m = self.scene.unit_m();
+        let outcome = settled(outcome, unit_m, |from| align(&source_prepared, from));
+        let judgement = self.scene.judge(&scene, &outcome.target_from_source);
+        outcome.judged(judgement, unit_m)
+    }
+}
+
 /// Takes the target's shift for a source nearly in place.
 pub fn in_one_frame(target: &Recorded, source: &mut Recorded) {
     if (source.shift_m - target.shift_m).amax() <= SAME_FRAME_M {
@@ -148,10 +263,44 @@ mod tests {
     }
 
     #[test]
+    fn a_prepared_target_finds_what_the_request_finds() {
+        let field = |x: f32, y: f32| [x, y, (0.7 * x).sin() + (0.5 * y + 0.2 * x).cos()];
+        let at = |i: i32, x: f32| {
+            let [u, v] = [i % 100 - 50, i / 100 - 50].map(|k| k as f32 * 0.2);
+            let [_, v, w] = field(u, v);
+            [u - x, v, w].into()
+        };
+        let cloud = |x| {
+            let points = (0..10_000).map(|i| at(i, x)).collect();
+            Recorded { cloud: Cloud::new(points), ..Recorded::default() }
+        };
+        let (target, source) = (cloud(0.0), cloud(0.3));
+        for method in [Method::Icp, Method::Gicp] {
+            let mut given = Given::default();
+            given.set("voxel_m", 0.3).unwrap();
+            let request = Request { method, given, ..Request::default() };
+            let prepared = PreparedTarget::new(&request, target.clone()).unwrap();
+            let found = prepared.register(&source, &Pose::identity()).unwrap();
+            let settings = &mut Request::default().given;
+            for (setting, _) in method.settings() {
+                prepared.config.get(setting.key).map(|value| settings.set(setting.key, value));
+            }
+            let request = Request { given: settings.clone(), ..request };
+            let alone = request.register(&target, &source, &Pose::identity()).unwrap();
+            assert_eq!(found.outcome, alone.outcome, "{method:?}");
+            let shift = found.target_from_source().translation.vector.x;
+            assert!((shift - 0.3).abs() < 0.01, "{method:?}: {shift}");
+        }
+        let global = Request { method: Method::Mac, ..Request::default() };
+        let refused = PreparedTarget::new(&global, target).unwrap_err().to_string();
+        assert_eq!(refused, "a target is prepared for icp or gicp, not for mac");
+    }
+
+    #[test]
     fn a_motion_is_that_of_the_files_whatever_shift_their_clouds_have() {
         let field = |x: f32, y: f32| [x, y, (0.7 * x).sin() + (0.5 * y + 0.2 * x).cos()];
         let at = |i: i32| field((i % 100 - 50) as f32 * 0.2, (i / 100 - 50) as f32 * 0.2).into();
-        let cloud = crate::Cloud::new((0..10_000).map(at).collect());
+        let cloud = Cloud::new((0..10_000).map(at).collect());
         let near = Recorded { cloud, ..Recorded::default() };
         let shift_m = Vector3::new(500_000.0, 4_000_000.0, 100.0);
         let target = Recorded { shift_m, ..near.clone() };
