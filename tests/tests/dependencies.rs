@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours, its folder, and those of ours that it may name in its dependencies.
-const ALLOWED: [(&str, &str, &[&str]); 34] = [
+const ALLOWED: [(&str, &str, &[&str]); 35] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
     ("echoloop-dispatch", "host/dispatch", &[]),
     ("echoloop-random", "host/random", &["echoloop-dispatch"]),
@@ -103,6 +103,18 @@ const ALLOWED: [(&str, &str, &[&str]); 34] = [
             "echoloop-registration",
             "echoloop-sim",
             "echoloop-statistics",
+        ],
+    ),
+    (
+        "echoloop-python",
+        "host/python",
+        &[
+            "echoloop-closed-loop",
+            "echoloop-clouds",
+            "echoloop-dsp",
+            "echoloop-instruments",
+            "echoloop-kernels",
+            "echoloop-registration",
         ],
     ),
     (

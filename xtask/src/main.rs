@@ -11,6 +11,7 @@ mod peers;
 mod pictures;
 mod program;
 mod proof;
+mod python;
 mod record;
 mod shell;
 mod study;
@@ -95,6 +96,12 @@ enum Task {
     /// Registration against Open3D, small_gicp and KISS-Matcher on the same files, or the waveform
     /// path against numpy and scipy; needs python3 and the Python registry.
     Peers(peers::Peers),
+    /// The wheel of the Python module, in target/python; needs python3 and the Python registry.
+    Python {
+        /// The module as the tests have it, and its tests, instead.
+        #[arg(long)]
+        test: bool,
+    },
     /// The pictures of scenes in the docs, drawn again.
     Pictures,
     /// The picture of the beams before and after tuning, drawn again: six minutes.
@@ -128,6 +135,7 @@ fn main() -> Result<()> {
         Task::Cost { update, target } => cost::run(update, &target),
         Task::Figures(args) => figures::run(&args),
         Task::Peers(args) => peers::run(args),
+        Task::Python { test } => python::run(test),
         Task::Pictures => pictures::run(),
         Task::Beams => pictures::beams(),
         Task::Surroundings => surroundings::run(),

@@ -1,7 +1,7 @@
 //! `cargo xtask peers`: registration, the waveform path and the optimiser beside their peers in
 //! Python, on the same files or functions.
 
-mod environment;
+pub(crate) mod environment;
 mod searches;
 
 use std::path::Path;

@@ -9,13 +9,15 @@ use crate::shell::{on_path, succeed};
 
 /// Python of an environment with exactly these packages, which is made where there is none and when
 /// they change.
-pub(super) fn environment(folder: &Path, requirements: &Path) -> Result<PathBuf> {
+pub(crate) fn environment(folder: &Path, requirements: &Path) -> Result<PathBuf> {
     let python = interpreter(folder);
     if holds(folder, requirements)? {
         return Ok(python);
     }
     let outer = ["python3", "python"].into_iter().find(|name| on_path(name));
-    let Some(outer) = outer else { bail!("there is no python3 on the PATH, which the peers need") };
+    let Some(outer) = outer else {
+        bail!("there is no python3 on the PATH, which runs what is in Python")
+    };
     succeed(Command::new(outer).args(["-m", "venv"]).arg(folder))?;
     succeed(
         Command::new(&python)

@@ -95,6 +95,7 @@ impl Plan {
         fs::write(&skipped, "")?;
         let host = if args.only_tests { vec![building()?] } else { host_steps()? };
         let mut after = vec![tests(root, chosen)?.with(SKIPPED, &skipped)];
+        after.push(Step::own("python", &["python", "--test"])?);
         if peers::are_installed(root)? {
             after.push(Step::own("clouds", &["peers", "--clouds"])?);
         }

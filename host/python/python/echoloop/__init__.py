@@ -1,0 +1,40 @@
+"""LiDAR registration, echoes of waveforms, and a sensor that is tuned with both.
+
+Clouds are ``(N, 3)`` arrays, metres, in the frame of their sensor. A motion is called by what it
+maps: ``target_from_source``.
+
+    target, source = echoloop.read_cloud("target.ply"), echoloop.read_cloud("source.ply")
+    found = echoloop.register(target, source)
+    if found:
+        print(found.target_from_source)
+"""
+
+from ._native import (
+    Cloud,
+    Detector,
+    Registration,
+    Target,
+    estimate_normals,
+    find_echoes,
+    fpfh,
+    match_features,
+    read_cloud,
+    register,
+    voxel_downsample,
+    write_cloud,
+)
+
+__all__ = [
+    "Cloud",
+    "Detector",
+    "Registration",
+    "Target",
+    "estimate_normals",
+    "find_echoes",
+    "fpfh",
+    "match_features",
+    "read_cloud",
+    "register",
+    "voxel_downsample",
+    "write_cloud",
+]

@@ -1,0 +1,49 @@
+"""Types of arguments and answers."""
+
+from os import PathLike
+from typing import Any, Literal, Protocol, TypedDict, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class HasPoints(Protocol):
+    """Object with points, as of Open3D."""
+
+    @property
+    def points(self) -> Any:
+        """Coordinates ``(N, 3)``, m, or a method that returns them."""
+
+
+Points = Union[NDArray[np.float32], NDArray[np.float64], HasPoints]
+"""Points of a cloud: ``(N, 3)``, m, or an object that has them."""
+
+Method = Literal["auto", "icp", "gicp", "fgr", "mac"]
+"""Registration method."""
+
+Path = Union[str, "PathLike[str]"]
+"""Path of a file."""
+
+
+class DetectedEchoes(TypedDict):
+    """Echoes of the sensor's detector: columns of equal length."""
+
+    waveform: NDArray[np.uint32]
+    range_m: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
+    width_ns: NDArray[np.float64]
+    snr: NDArray[np.float64]
+    range_sd_m: NDArray[np.float64]
+    reflectivity: NDArray[np.float64]
+    flags: list[tuple[str, ...]]
+
+
+class FoundEchoes(TypedDict):
+    """Echoes of recorded waveforms: columns of equal length."""
+
+    waveform: NDArray[np.uint32]
+    time_ns: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
+    width_ns: NDArray[np.float64]
+    snr: NDArray[np.float64]
+    flags: list[tuple[str, ...]]

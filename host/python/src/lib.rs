@@ -1,0 +1,24 @@
+//! Python module `echoloop`: what its functions and classes do is said in `python/echoloop`.
+//!
+//! Each call reads its arguments while it holds the interpreter's lock, and computes without it.
+
+use pyo3::prelude::*;
+
+mod arguments;
+mod cloud;
+mod features;
+mod registration;
+mod waveforms;
+
+/// The compiled half of the package `echoloop`.
+#[pymodule]
+mod _native {
+    #[pymodule_export]
+    use crate::cloud::{Cloud, read_cloud, write_cloud};
+    #[pymodule_export]
+    use crate::features::{estimate_normals, fpfh, match_features, voxel_downsample};
+    #[pymodule_export]
+    use crate::registration::{Registration, Target, register};
+    #[pymodule_export]
+    use crate::waveforms::{Detector, find_echoes};
+}
