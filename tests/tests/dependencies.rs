@@ -115,6 +115,7 @@ const ALLOWED: [(&str, &str, &[&str]); 35] = [
             "echoloop-instruments",
             "echoloop-kernels",
             "echoloop-registration",
+            "echoloop-sensors",
         ],
     ),
     (

@@ -17,7 +17,7 @@ use crate::parameters::{
     Axis, Parameters, ValueError, candidate_values, choices, values_json, written,
 };
 use crate::prepared::{PairSet, Prepared};
-use crate::search::Judge;
+use crate::search::{Judge, Started};
 use echoloop_sensors::sensor::SensorError;
 
 /// Evaluation of candidates that cannot go on.
@@ -69,6 +69,21 @@ impl<'a> ExternalSearch<'a> {
         done: &(dyn Fn() + Sync),
     ) -> Result<Self, SensorError> {
         Ok(Self { prepared, judge: Judge::new(prepared, which, done)?, which, lines: 0 })
+    }
+
+    /// A search like the one whose [`ExternalSearch::started`] this is.
+    pub fn against(prepared: &'a Prepared, which: PairSet, start: Started) -> Self {
+        Self { prepared, judge: Judge::against(prepared, which, start), which, lines: 0 }
+    }
+
+    /// Results of the start.
+    pub fn started(&self) -> Started {
+        self.judge.started()
+    }
+
+    /// Answer to a line.
+    pub fn answer_to(&self, line: &str) -> Result<Value, SensorError> {
+        self.answer(Ok(line.to_owned()))
     }
 
     /// First line out: sensor, pairs, axes and start.

@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 mod arguments;
 mod cloud;
 mod features;
+mod objective;
 mod registration;
 mod waveforms;
 
@@ -17,6 +18,8 @@ mod _native {
     use crate::cloud::{Cloud, read_cloud, write_cloud};
     #[pymodule_export]
     use crate::features::{estimate_normals, fpfh, match_features, voxel_downsample};
+    #[pymodule_export]
+    use crate::objective::{Infeasible, Objective};
     #[pymodule_export]
     use crate::registration::{Registration, Target, register};
     #[pymodule_export]

@@ -36,7 +36,7 @@ use echoloop_cmaes::Constants;
 use crate::config::preset::Strategy;
 pub use batch::ScanTimes;
 pub(super) use batch::{Evaluator, Task};
-pub use external_candidate::Judge;
+pub use external_candidate::{Judge, Started};
 pub(super) use fitness::mean_cost;
 pub use origin::Origin;
 pub(super) use replay::difference;

@@ -12,6 +12,8 @@ maps: ``target_from_source``.
 from ._native import (
     Cloud,
     Detector,
+    Infeasible,
+    Objective,
     Registration,
     Target,
     estimate_normals,
@@ -27,6 +29,8 @@ from ._native import (
 __all__ = [
     "Cloud",
     "Detector",
+    "Infeasible",
+    "Objective",
     "Registration",
     "Target",
     "estimate_normals",

@@ -3,11 +3,13 @@ from typing import Any, Literal, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .typing import DetectedEchoes, FoundEchoes, Method, Path, Points
+from .typing import Axis, Candidate, DetectedEchoes, FoundEchoes, Method, Path, Points
 
 __all__ = [
     "Cloud",
     "Detector",
+    "Infeasible",
+    "Objective",
     "Registration",
     "Target",
     "estimate_normals",
@@ -88,6 +90,25 @@ class Detector:
     @property
     def samples(self) -> int: ...
     def process(self, codes: NDArray[np.uint16]) -> DetectedEchoes: ...
+
+class Infeasible(ValueError): ...
+
+@final
+class Objective:
+    def __new__(
+        cls,
+        settings: dict[str, Any] | None = None,
+        *,
+        config: Path | None = None,
+        pairs: Literal["train", "test"] = "train",
+    ) -> Objective: ...
+    @property
+    def axes(self) -> list[Axis]: ...
+    @property
+    def start(self) -> dict[str, float | str]: ...
+    def evaluate(self, candidate: Candidate) -> dict[str, Any]: ...
+    def __call__(self, candidate: Candidate) -> float: ...
+    def __len__(self) -> int: ...
 
 def register(
     target: Points,

@@ -1,5 +1,6 @@
 """Types of arguments and answers."""
 
+from collections.abc import Sequence
 from os import PathLike
 from typing import Any, Literal, Protocol, TypedDict, Union
 
@@ -47,3 +48,18 @@ class FoundEchoes(TypedDict):
     width_ns: NDArray[np.float64]
     snr: NDArray[np.float64]
     flags: list[tuple[str, ...]]
+
+
+class Axis(TypedDict):
+    """Axis of a search."""
+
+    name: str
+    unit: str
+    scale: str
+    min: float
+    max: float
+    choices: Union[list[str], None]
+
+
+Candidate = Union[dict[str, Any], Sequence[float], NDArray[np.float64]]
+"""Parameters by name, or a point of the unit cube of the axes."""
