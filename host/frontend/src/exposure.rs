@@ -15,7 +15,7 @@ pub struct Exposure<'a> {
     pub receiver: &'a Receiver,
     /// Analog settings.
     pub analog: &'a Analog,
-    /// Returns from surfaces, by increasing range.
+    /// Returns from surfaces, by increasing range; then those of the weather, and glare.
     pub returns: &'a [Return],
     /// Additional signal of each sample: µA, or units in the compatibility mode; 0 past its end.
     pub background: &'a [f32],

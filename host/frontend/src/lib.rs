@@ -25,6 +25,7 @@
 //! | fog, rain, snow: extinction, drops, backscatter | [`Weather`] |
 //! | pulse, receiver equation, ambient light | [`Receiver`] |
 //! | shot and amplifier noise, gain, clip, overload, converter | [`synthesise`] |
+//! | light scattered by the optics | [`Glare`] |
 //! | pulses of another LiDAR | [`OtherLight`] |
 //! | dead and weak channels, jitter | [`Channel`], [`Receiver`] |
 //! | all of them, behind a sensor's registers | [`WaveformFrontEnd`] |

@@ -1,5 +1,7 @@
 //! Light that a scene returns to a scanner's beams, before any electronics.
 
+use std::sync::Arc;
+
 /// Light returned by one part of a beam's footprint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Return {
@@ -44,8 +46,8 @@ pub struct SceneResponse {
     /// Light of another LiDAR in each beam; none where there is no other.
     pub other: Vec<OtherLight>,
     /// First of the beams that are fired at the same moment as each; none where each is fired by
-    /// itself, or nothing that strays would show it.
-    pub fired_with: Vec<u32>,
+    /// itself, and where neither bright signs nor another LiDAR are simulated.
+    pub fired_with: Arc<[u32]>,
 }
 
 impl SceneResponse {

@@ -154,12 +154,14 @@ mod tests {
     }
 
     #[test]
-    fn beams_that_are_fired_at_once_meet_it_at_the_same_moment() {
+    fn beams_that_are_fired_at_once_meet_it_at_the_same_moment_whatever_their_jitter() {
+        let shaken = Receiver { timing_jitter_ns: 10.0, ..Receiver::default() };
         let analog = Analog { pre_trigger: 40, ..Analog::USUAL };
         let met = |fired_with: Vec<u32>| {
             let (beams, other) = (vec![0; 401], vec![LIGHT; 400]);
+            let fired_with = fired_with.into();
             let scene = SceneResponse { beams, other, fired_with, ..SceneResponse::default() };
-            let found = peaks_of(Receiver::default(), &analog, scene);
+            let found = peaks_of(shaken.clone(), &analog, scene);
             found.into_iter().map(|(at, height)| (height > 200.0).then_some(at)).collect()
         };
         // Four by four.

@@ -25,7 +25,7 @@ pub struct WaveformFrontEnd {
     /// Cell that the beam is steered to.
     cell: u32,
     aerosol: Option<Box<Aerosol>>,
-    /// Returns and glare of the last beam that has both.
+    /// Returns and glare of the last beam with glare, in clear air.
     with_glare: Vec<Return>,
     before: Rendering,
     window: Rendering,
@@ -92,6 +92,7 @@ impl FrontEnd for WaveformFrontEnd {
             return codes.fill(0);
         };
         let share = heard.power_w / analog.power_w;
+        let unshaken_ns = analog.delay_ns;
         let analog = heard;
         let Self { receiver, scene, seed, cell, aerosol, with_glare, before, window } = self;
         let key = noise_key(*seed, trigger);
@@ -120,7 +121,9 @@ impl FrontEnd for WaveformFrontEnd {
                 Light { returns: with_glare, ..Light::default() }
             }
         };
-        let light = Light { other: other.map(|pulse| pulse.in_window(&analog)), ..light };
+        // The laser's own jitter moves the echoes in the window, and not the other's pulse.
+        let still = Analog { delay_ns: unshaken_ns, ..analog };
+        let light = Light { other: other.map(|pulse| pulse.in_window(&still)), ..light };
         let photons = || Purpose::Photons.for_shot(*seed, trigger);
         window.render(receiver, &analog, light, (key, photons), codes);
     }

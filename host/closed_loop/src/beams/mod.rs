@@ -160,12 +160,12 @@ impl Beams {
 
     /// First of the beams that are fired at the same moment as each; empty when each is fired by
     /// itself.
-    pub fn fired_with(&self) -> Vec<u32> {
+    pub fn fired_with(&self) -> Arc<[u32]> {
         let mut first = HashMap::new();
         let beams = 0..self.pattern.beams();
         let with = |beam| *first.entry(self.moment(beam)).or_insert(beam);
         let with: Vec<u32> = beams.map(with).collect();
-        if first.len() == with.len() { Vec::new() } else { with }
+        if first.len() == with.len() { Arc::default() } else { with.into() }
     }
 
     /// Number of the moment at which a beam is fired.

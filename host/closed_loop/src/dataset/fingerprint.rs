@@ -131,8 +131,23 @@ fn materials(scene: &Path, libraries: Libraries) -> Option<Checksum> {
 mod tests {
     use std::fs;
 
+    use echoloop_frontend::{Glare, Return};
+
     use super::*;
     use crate::dataset::configured;
+
+    #[test]
+    fn glare_changes_the_checksum_of_a_scan() {
+        let sum = |glare: Vec<Glare>| {
+            let mut sum = Running::default();
+            add_scan(&mut sum, &SceneResponse { glare, ..SceneResponse::empty(4) });
+            sum.end()
+        };
+        let light = Return { range_m: 20.0, strength_per_m2: 1e-4 };
+        let [none, second, third] =
+            [vec![], vec![Glare { beam: 1, light }], vec![Glare { beam: 2, light }]].map(sum);
+        assert!(none != second && second != third && none != third);
+    }
 
     #[test]
     fn a_scene_s_file_its_materials_and_the_front_end_each_have_their_checksum() {

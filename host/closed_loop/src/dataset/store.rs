@@ -5,12 +5,12 @@
 //! ```
 //!
 //! Little endian. The header has the configuration that the pairs were traced with, checksums of
-//! the scene's files, and for each pair its place, poses and numbers of returns. The body has the
-//! scans, first and second of each pair to tune on, then of each to judge on: the number of returns
-//! of each beam (u16), then all ranges, then all strengths (f32). Of the floats the first bytes of
-//! all numbers come first, then the second bytes, and so on: exponents are alike, and zlib packs
-//! them better side by side. Of glare the beams (u32), ranges and strengths follow, and of another
-//! LiDAR its irradiances and paths, one a beam.
+//! the scene's files, and for each pair its place, poses and numbers of returns and glares. The
+//! body has the scans, first and second of each pair to tune on, then of each to judge on: the
+//! number of returns of each beam (u16), then all ranges, then all strengths (f32). Of the floats
+//! the first bytes of all numbers come first, then the second bytes, and so on: exponents are
+//! alike, and zlib packs them better side by side. Of glare the beams (u32), ranges and strengths
+//! follow, and of another LiDAR its irradiances and paths, one a beam.
 
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -275,11 +275,13 @@ fn read_pairs(
         return Err("says that it holds far more than its size".into());
     }
     let mut body = ZlibDecoder::new(body);
+    let fired_with = if has_stray_light { beams.fired_with() } else { Arc::default() };
     let seen = Seen {
         beams: of_beams as usize,
         has_other,
         cells: beams.cells(),
-        fired_with: if has_stray_light { beams.fired_with() } else { Vec::new() },
+        has_glare: scene.retroreflectors == Retroreflectors::Bright && !fired_with.is_empty(),
+        fired_with,
     };
     let mut pairs = |heads: Vec<Head>, first: usize| -> Result<Vec<ScanPair>, String> {
         let numbered = (first..).zip(heads);
@@ -300,7 +302,9 @@ struct Seen {
     /// True where another LiDAR is seen.
     has_other: bool,
     cells: Vec<u32>,
-    fired_with: Vec<u32>,
+    /// True where bright signs are seen by beams that are fired at once.
+    has_glare: bool,
+    fired_with: Arc<[u32]>,
 }
 
 impl Head {
@@ -379,7 +383,8 @@ fn read_scan(
     let cut = || "holds less than it says".to_owned();
     let number = |count: u64| usize::try_from(count).ok().filter(|_| count <= MOST_RETURNS);
     let count = number(returns).ok_or("says that it holds more returns than a scan has")?;
-    let glares = number(glares).ok_or("says that it holds more glares than a scan has")?;
+    let glares = number(glares).filter(|glares| *glares == 0 || seen.has_glare);
+    let glares = glares.ok_or("says that it holds glare where there is none")?;
     let mut take = |bytes: usize| -> Result<Vec<u8>, String> {
         let mut taken = Vec::new();
         let read = body.by_ref().take(bytes as u64).read_to_end(&mut taken);
@@ -409,9 +414,11 @@ fn read_scan(
         cells: seen.cells.clone(),
         glare: glare.map(|(beam, light)| Glare { beam, light }).collect(),
         other: other.collect(),
-        fired_with: seen.fired_with.clone(),
+        fired_with: Arc::clone(&seen.fired_with),
     };
-    is_sound(&scan).then_some(scan).ok_or_else(|| "holds a return that is none".into())
+    is_sound(&scan)
+        .then_some(scan)
+        .ok_or_else(|| "holds a return, glare or light that is none".into())
 }
 
 fn lights_of(ranges: &[u8], strengths: &[u8]) -> impl Iterator<Item = Return> {
@@ -617,6 +624,41 @@ mod tests {
         }
         let turned = |header: &mut Header| header.train[0].world_from_sensor[1].0[6] = 9.0;
         assert_eq!(said(turned, None), "F: holds a pose that is none");
+    }
+
+    #[test]
+    fn glare_where_there_can_be_none_is_refused() {
+        let scene = ["scene.source=structured", "scene.towns=[1]", "scene.retroreflectors=bright"];
+        let beams = ["scanner.pattern=os1-64", "scanner.columns=360"];
+        let pairs = ["data.train_pairs=1", "data.test_pairs=1"];
+        let bright = configured(&[&scene[..], &beams, &pairs].concat());
+        let mut dataset = Dataset::build(&bright, &|_, _| ()).unwrap();
+        let said = |dataset: &Dataset, change: fn(&mut Header)| {
+            let bytes = stored(&bright, dataset).unwrap();
+            load(&rewritten(&bytes, change, None), &bright).unwrap_err()
+        };
+        let fewer = said(&dataset, |header| header.train[0].glares[0] -= 1);
+        assert!(fewer.starts_with("F: holds "), "{fewer}");
+        let most = said(&dataset, |header| header.train[0].glares[0] = u64::MAX);
+        assert!(most.contains("far more than its size"), "{most}");
+        let mut changed = |change: fn(&mut Vec<Glare>)| {
+            let Response::Fixed(scan) = &mut dataset.train[0].first else { panic!("fixed") };
+            let whole = Arc::clone(scan);
+            change(&mut Arc::make_mut(scan).glare);
+            let said = said(&dataset, |_| ());
+            dataset.train[0].first = Response::Fixed(whole);
+            said
+        };
+        let none = "F: holds a return, glare or light that is none";
+        assert_eq!(changed(|glare| glare[0].beam = 90_000), none, "no such beam");
+        assert_eq!(changed(|glare| glare.reverse()), none, "not sorted");
+        assert_eq!(changed(|glare| glare[0].light.strength_per_m2 = -1.0), none);
+        // With dim signs there is none.
+        let own = config(&[]);
+        let bytes = stored(&own, &Dataset::build(&own, &|_, _| ()).unwrap()).unwrap();
+        let one = rewritten(&bytes, |header| header.train[0].glares[0] = 1, None);
+        let said = load(&one, &own).unwrap_err();
+        assert_eq!(said, "F: says that it holds glare where there is none");
     }
 
     #[test]
