@@ -65,14 +65,16 @@ fn in_one_frame<'a>(target: &Recorded, source: &'a Recorded) -> Cow<'a, Recorded
 ///
 /// Clouds are `(N, 3)` arrays of float32 or float64, m, in the frame of their sensor, a `Cloud`,
 /// or an object with `points`. `method` is "auto", which needs no initial guess, "icp", "gicp",
-/// "fgr" or "mac"; `initial` a `(4, 4)` guess of target_from_source; `refine` finishes what "fgr" or
-/// "mac" find with "icp". Keywords are the settings of the method, as `voxel_m=0.2`; the others are
-/// chosen from the clouds. The same numbers as of `echoloop register`.
+/// "fgr" or "mac"; `initial` a `(4, 4)` guess of target_from_source; `refine` finishes what "fgr"
+/// or "mac" find with "icp". Keywords are the settings of the method, as `voxel_m=0.2`; the others
+/// are chosen from the clouds. The same numbers as of `echoloop register`.
 ///
 /// Raises ValueError or TypeError that names the argument. A pair that does not register is no
 /// error: the result is false, and `stop` says why.
 #[pyfunction]
-#[pyo3(signature = (target, source, method = "auto", *, initial = None, refine = false, **settings))]
+#[pyo3(signature = (
+    target, source, method = "auto", *, initial = None, refine = false, **settings
+))]
 pub(crate) fn register(
     py: Python<'_>,
     target: &Bound<'_, PyAny>,

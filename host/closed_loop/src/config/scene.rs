@@ -46,10 +46,12 @@ section! {
              are darker as well. Not with recorded scans.";
         retroreflectors: Retroreflectors, "", Retroreflectors::BOUNDS,
             "Signs and plates: `dim`, 50 times white, or `bright`, 1,131 times, as sheeting is, \
-             with ghosts at twice the range, and glare in beams that are fired at one moment. Not with recorded scans.";
+             with ghosts at twice the range, and glare in beams that are fired at one moment. \
+             Not with recorded scans.";
         interference: Interference, "", Interference::BOUNDS,
             "Another LiDAR: `none`, or `flash`, that of a vehicle 5 to 25 m away, which fires into \
-             one shot in twelve at any moment. Not with `receiver.mode` = `litl-compat`, nor with recorded scans.";
+             one shot in twelve at any moment. Not with `receiver.mode` = `litl-compat`, nor with \
+             recorded scans.";
         dressing: String, "", DRESSING,
             "What stands along the roads of an OpenDRIVE file: `structured` (houses wall to wall) \
              or `semi-structured` (houses in gardens).";
