@@ -24,6 +24,9 @@ impl Cloud {
     /// Removes points that are no echo, and counts them.
     pub fn drop_invalid(&mut self) -> Dropped {
         let mut dropped = Dropped::default();
+        if self.is_surely_valid() {
+            return dropped;
+        }
         self.points.iter().for_each(|point| dropped.count(point));
         if dropped.total() > 0 {
             let keep = self.valid();
@@ -32,6 +35,21 @@ impl Cloud {
             self.range_sd_m.iter_mut().for_each(|sds| retain(sds, &keep));
         }
         dropped
+    }
+
+    /// True only if all points are echoes, at a fraction of the time of asking each.
+    pub(crate) fn is_surely_valid(&self) -> bool {
+        self.is_surely_within(f32::MAX)
+    }
+
+    /// True only if all points are echoes and none has a coordinate beyond `most_m`.
+    pub(crate) fn is_surely_within(&self, most_m: f32) -> bool {
+        // Above 0 where one is not 0; infinite or no number where one is. No branch: in vectors.
+        let sum = |p: &Point3<f32>| p.x.abs() + p.y.abs() + p.z.abs();
+        let is_within = |sum: f32| (sum > 0.0) & (sum <= most_m);
+        let all =
+            |points: &[Point3<f32>]| points.iter().fold(true, |all, p| all & is_within(sum(p)));
+        self.points.chunks(1024).all(all)
     }
 
     /// True for each point that is an echo.

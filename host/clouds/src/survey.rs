@@ -13,6 +13,9 @@ pub const MOST_COORDINATE_M: f64 = 1e7;
 /// 0.03 mm there.
 const NEAR_M: f64 = 1000.0;
 
+/// Largest coordinate, m, from which no rounding reaches [`NEAR_M`].
+pub(crate) const WELL_NEAR_M: f32 = 500.0;
+
 /// Greatest height of a sensor above the median of its points, m; `f32` rounds by up to 0.5 mm
 /// there. No survey is so far below its zero: points deep below the origin are an aircraft's.
 const ALTITUDE_M: f64 = 10_000.0;
@@ -57,22 +60,26 @@ impl Exact {
 /// The shift of a cloud, m: zero near the origin and straight below it, else whole metres, near the
 /// middle of the points and [`SCANNER_M`] above it.
 pub(crate) fn shift_m(points: impl ExactSizeIterator<Item = Point3<f64>>) -> Vector3<f64> {
-    let middle = median(points);
-    let is_of_sensor = middle.xy().amax() <= NEAR_M && (-ALTITUDE_M..=NEAR_M).contains(&middle.z);
-    match is_of_sensor {
+    let step = points.len() / MOST_SAMPLES + 1;
+    let samples: Vec<Point3<f64>> = points.step_by(step).collect();
+    let is_of_sensor =
+        |at: &Vector3<f64>| at.xy().amax() <= NEAR_M && (-ALTITUDE_M..=NEAR_M).contains(&at.z);
+    let middle = median(&samples);
+    match is_of_sensor(&middle) {
         true => Vector3::zeros(),
         false => (middle + SCANNER_M * Vector3::z()).map(f64::round),
     }
 }
 
 /// The median of each coordinate, m; zero without points.
-fn median(points: impl ExactSizeIterator<Item = Point3<f64>>) -> Vector3<f64> {
-    let step = points.len() / MOST_SAMPLES + 1;
-    let samples: Vec<Point3<f64>> = points.step_by(step).collect();
+fn median(samples: &[Point3<f64>]) -> Vector3<f64> {
+    let middle = samples.len().saturating_sub(1) / 2;
     Vector3::from_fn(|axis, _| {
         let mut values: Vec<f64> = samples.iter().map(|p| p[axis]).collect();
-        values.sort_unstable_by(f64::total_cmp);
-        values.get(values.len().saturating_sub(1) / 2).copied().unwrap_or(0.0)
+        match values.is_empty() {
+            true => 0.0,
+            false => *values.select_nth_unstable_by(middle, f64::total_cmp).1,
+        }
     })
 }
 

@@ -17,6 +17,9 @@ pub(crate) fn array<'py>(
     argument: &str,
     given: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyUntypedArray>> {
+    if let Ok(array) = given.cast::<PyUntypedArray>() {
+        return Ok(array.clone());
+    }
     let numpy = given.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (given,));
     let array = array.map_err(|error| value(argument, format!("expected an array: {error}")))?;
@@ -110,14 +113,16 @@ pub(crate) fn codes(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<(Vec<u
 /// Coordinates of an array, or of an object with `points`, an array or a method that returns one.
 pub(crate) fn coordinates(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<Coordinates> {
     let is_array = given.is_instance_of::<PyUntypedArray>();
-    let points = match given.getattr_opt("points")?.filter(|_| !is_array) {
+    let own = if is_array { None } else { given.getattr_opt("points")? };
+    let points = match own {
         None => given.clone(),
         Some(points) if points.is_callable() => points.call0()?,
         Some(points) => points,
     };
     // small_gicp has (N, 4), of which the last is 1.
-    let homogeneous = match points.getattr_opt("shape")? {
-        Some(shape) if !is_array => shape.extract::<(usize, usize)>().is_ok_and(|s| s.1 == 4),
+    let shape = if is_array { None } else { points.getattr_opt("shape")? };
+    let homogeneous = match shape {
+        Some(shape) => shape.extract::<(usize, usize)>().is_ok_and(|s| s.1 == 4),
         _ => false,
     };
     let rows = match homogeneous {
