@@ -85,6 +85,12 @@ impl Objective {
         json(py, "loads", values.to_string().into_pyobject(py)?.as_any())
     }
 
+    /// The same as a point of the unit cube of the axes.
+    #[getter]
+    fn start_point(&self) -> Vec<f64> {
+        self.prepared.space.start_point()
+    }
+
     /// All about a candidate: fitness, its parameters, and a summary with the error of each pair.
     ///
     /// `candidate` is a dict of parameters by name, laid over the start, or a point of the unit

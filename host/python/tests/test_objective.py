@@ -47,7 +47,7 @@ def test_points_and_names_are_the_same_candidate(objective: echoloop.Objective) 
     found = objective.evaluate(point)
     assert objective(found["parameters"]) == objective(list(point)) == found["fitness"]
     assert objective.start.keys() == found["parameters"].keys()
-    assert objective(objective.start) == objective({})
+    assert objective(objective.start) == objective({}) == objective(objective.start_point)
 
 
 @pytest.mark.parametrize(
