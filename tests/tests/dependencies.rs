@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours, its folder, and those of ours that it may name in its dependencies.
-const ALLOWED: [(&str, &str, &[&str]); 35] = [
+const ALLOWED: [(&str, &str, &[&str]); 36] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
     ("echoloop-dispatch", "host/dispatch", &[]),
     ("echoloop-random", "host/random", &["echoloop-dispatch"]),
@@ -106,6 +106,11 @@ const ALLOWED: [(&str, &str, &[&str]); 35] = [
         ],
     ),
     (
+        "echoloop-folders",
+        "host/folders",
+        &["echoloop-clouds", "echoloop-files", "echoloop-registration"],
+    ),
+    (
         "echoloop-python",
         "host/python",
         &[
@@ -173,6 +178,7 @@ const LIBRARIES: &[&str] = &[
     "echoloop-dispatch",
     "echoloop-dsp",
     "echoloop-files",
+    "echoloop-folders",
     "echoloop-frontend",
     "echoloop-instruments",
     "echoloop-kernels",
@@ -199,6 +205,7 @@ const PROGRAM: &[&str] = &[
     "echoloop-dispatch",
     "echoloop-dsp",
     "echoloop-files",
+    "echoloop-folders",
     "echoloop-frontend",
     "echoloop-instruments",
     "echoloop-kernels",

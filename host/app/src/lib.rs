@@ -48,6 +48,7 @@ mod prepared;
 mod progress;
 mod rate;
 mod register;
+mod register_all;
 mod report;
 mod reproduce;
 mod response;

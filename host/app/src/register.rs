@@ -11,6 +11,7 @@ use super::hints::hints;
 use super::method_choice::{method_parser, methods_that};
 use super::method_flags::{MethodFlags, refused};
 use super::number::{flag, number_as};
+use super::register_all;
 use echoloop_closed_loop::parameters::{Parameters, written};
 use echoloop_closed_loop::run_folder::tuned_run::tuned_config;
 use echoloop_clouds::pose::{Pose, read_pose, to_rows};
@@ -32,10 +33,19 @@ const SCALE: Parameter = flag(Kind::Number, Bounds::between(1e-6, 1e6));
 #[derive(Clone, Debug, Args)]
 #[command(allow_negative_numbers = true)]
 pub(crate) struct RegisterArgs {
-    /// The cloud that stays: PLY, PCD, VTK, KITTI .bin or XYZ, m.
-    target: PathBuf,
+    /// The cloud that stays: PLY, PCD, VTK, KITTI .bin or XYZ, m. Without SOURCE, many pairs: a
+    /// folder of NAME_target.* and NAME_source.*, as `echoloop pairs` writes them, with
+    /// NAME_target_from_source.txt where the truth is known and NAME_initial.txt where a guess is;
+    /// or a table, CSV with columns target, source and maybe name, initial, truth.
+    pub(super) target: PathBuf,
     /// The cloud that moves.
-    source: PathBuf,
+    source: Option<PathBuf>,
+    /// Register consecutive scans of the folder TARGET, each to the one before it.
+    #[arg(long, conflicts_with = "source")]
+    pub(super) sequence: bool,
+    /// True poses of the scans, TUM or KITTI, one a scan.
+    #[arg(long, value_name = "FILE", requires = "sequence")]
+    pub(super) truth: Option<PathBuf>,
     /// Metres per unit of the clouds' files, as 0.001 for millimetres; of TARGET and SOURCE, if
     /// they differ: 0.001,1. All that is written is in metres.
     #[arg(
@@ -44,7 +54,7 @@ pub(crate) struct RegisterArgs {
     )]
     scale: Vec<f64>,
     #[command(flatten)]
-    common: Common,
+    pub(super) common: Common,
     /// The method.
     #[arg(long, default_value = "auto", value_parser = method_parser())]
     method: Method,
@@ -65,10 +75,12 @@ pub(crate) struct RegisterArgs {
     initial: Option<PathBuf>,
     #[arg(short, long, value_name = "FILE", help = format!(
         "Where to write the source in the target's frame, with all that its file says of each \
-         point: {}. Nothing is written unless it is registered",
+         point: {}. Nothing is written unless it is registered. Of many pairs a folder: a NAME.ply \
+         of each, and registered.jsonl, with which the same command goes on where it was left; of \
+         a sequence its trajectory, too",
         outputs()
     ))]
-    output: Option<PathBuf>,
+    pub(super) output: Option<PathBuf>,
     /// Format of the output [default: that of the file's name, else ply].
     #[arg(long, value_parser = format_parser(), requires = "output")]
     format: Option<CloudFormat>,
@@ -78,27 +90,35 @@ pub(crate) struct RegisterArgs {
 
 impl RegisterArgs {
     /// Metres per unit of target and source.
-    fn scales(&self) -> [f64; 2] {
+    pub(super) fn scales(&self) -> [f64; 2] {
         let last = self.scale.last();
         [0, 1].map(|cloud| self.scale.get(cloud).or(last).copied().unwrap_or(1.0))
     }
 
-    fn request(&self) -> Request {
+    pub(super) fn request(&self) -> Request {
         let Self { method, refine, tuned, .. } = *self;
         Request { method, refine, tuned, given: self.settings.given() }
+    }
+
+    /// Source of one pair.
+    fn source(&self) -> &Path {
+        self.source.as_deref().unwrap_or(Path::new(""))
     }
 }
 
 pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
     let args = &with_run(args.clone())?;
     check(args)?;
+    if args.source.is_none() {
+        return on_threads(args.common.threads, || register_all::run(args))?;
+    }
     let at = |path: &PathBuf| CloudOutput::at(path, args.format);
     let output = args.output.as_ref().map(at).transpose()?;
     let [target_scale, source_scale] = args.scales();
     let mut target = read(args, &args.target, read_points)?;
     let mut source = match output {
-        Some(_) => read(args, &args.source, read_recorded)?,
-        None => read(args, &args.source, read_points)?,
+        Some(_) => read(args, args.source(), read_recorded)?,
+        None => read(args, args.source(), read_points)?,
     };
     target.scale(target_scale);
     source.scale(source_scale);
@@ -175,7 +195,7 @@ fn register(
     let cpu_s = cpu_s() - began;
     if outcome.stop == StopReason::BadSettings {
         let voxel_m = config.get("voxel_m").unwrap_or_default();
-        check_voxel(&[(&args.target, target), (&args.source, source)], voxel_m)?;
+        check_voxel(&[(&args.target, target), (args.source(), source)], voxel_m)?;
     }
     let found = outcome.stop.is_success();
     let failure = (!found).then(|| not_registered(args, &outcome, [target, source]));
@@ -195,7 +215,7 @@ fn not_registered(
     [target, source]: [&Cloud; 2],
 ) -> Failure {
     let written = if args.output.is_some() { "; nothing is written" } else { "" };
-    let hints = hints([(&args.target, target), (&args.source, source)], args.scales());
+    let hints = hints([(&args.target, target), (args.source(), source)], args.scales());
     let hints: String = hints.iter().map(|hint| format!("\nhint: {hint}")).collect();
     Failure::run(format!("not registered: {}{written}{hints}", outcome.stop))
 }
@@ -210,7 +230,7 @@ fn write(
     if !source.left_out.is_empty() && !args.common.quiet {
         say(format_args!(
             "{}: not written, for they have more than one number a point: {}",
-            args.source.display(),
+            args.source().display(),
             source.left_out.join(", ")
         ));
     }
@@ -219,7 +239,7 @@ fn write(
 }
 
 /// Refuses a cloud that cannot be downsampled with this voxel; the settings were checked before.
-fn check_voxel(clouds: &[(&PathBuf, &Cloud)], voxel_m: f64) -> Result<(), Failure> {
+fn check_voxel(clouds: &[(&Path, &Cloud)], voxel_m: f64) -> Result<(), Failure> {
     for (path, cloud) in clouds {
         voxel::downsample(cloud, voxel_m)
             .map_err(|error| Failure::usage(format!("{}: {error}", path.display())))?;

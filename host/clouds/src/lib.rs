@@ -28,9 +28,9 @@ mod write;
 pub use cloud::{Cloud, Dropped, is_finite};
 pub use echoloop_files::{Column, Coordinates, FileError, NumberType, attribute};
 pub use error::CloudError;
-pub use format::{CloudFormat, read_formats};
+pub use format::{CloudFormat, read_extensions, read_formats};
 pub use pose::Pose;
-pub use read::{parse_cloud, parse_recorded, read_cloud, read_points, read_recorded};
+pub use read::{is_readable, parse_cloud, parse_recorded, read_cloud, read_points, read_recorded};
 pub use recorded::Recorded;
 pub use write::{write_cloud, write_recorded};
 

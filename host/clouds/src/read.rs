@@ -66,12 +66,21 @@ fn located((mut recorded, dropped): (Recorded, Dropped)) -> (Recorded, Dropped) 
     (recorded, dropped)
 }
 
-fn format_of(path: &Path) -> Result<&'static Format, FileError> {
+/// True when a file is of a format that is read, by its extension.
+pub fn is_readable(path: &Path) -> bool {
+    by_extension(path).is_some()
+}
+
+fn by_extension(path: &Path) -> Option<&'static Format> {
     let extension = path.extension().unwrap_or_default();
     let has =
         |format: &&Format| format.extensions.iter().any(|e| extension.eq_ignore_ascii_case(e));
+    READ.iter().find(has)
+}
+
+fn format_of(path: &Path) -> Result<&'static Format, FileError> {
     let expected = || format!("expected a {} file", read_extensions());
-    READ.iter().find(has).ok_or_else(expected).map_err(FileError::content(path))
+    by_extension(path).ok_or_else(expected).map_err(FileError::content(path))
 }
 
 /// Leaves out points that are no echo. Refuses a cloud with a bad σ_R, with coordinates that are

@@ -13,6 +13,7 @@ mod desk;
 mod echoes;
 mod figures;
 mod fixture;
+mod folders;
 mod goals;
 #[cfg(unix)]
 mod host_front_end;

@@ -150,7 +150,7 @@ pub fn read_formats() -> impl Iterator<Item = &'static str> {
 }
 
 /// Extensions of all formats that are read, for a message.
-pub(crate) fn read_extensions() -> String {
+pub fn read_extensions() -> String {
     let named = |format: &Format| {
         let note = match format.known_as {
             "" => String::new(),

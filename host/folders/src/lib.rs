@@ -1,0 +1,20 @@
+//! Registration of many pairs of clouds: which pairs, all of them, and what is kept of each.
+//!
+//! | to | take |
+//! |---|---|
+//! | list the pairs of a folder or of a table, or consecutive scans | [`PairFiles`] |
+//! | register them on all cores, in order | [`Batch::run`] |
+//! | keep what is done, and go on later | [`Kept`] |
+//! | chain consecutive scans to a trajectory | [`sequence`] |
+//! | write a line of each pair, and how many succeed | [`Record`], [`Tally`] |
+
+mod batch;
+mod kept;
+mod list;
+mod record;
+pub mod sequence;
+
+pub use batch::Batch;
+pub use kept::{Kept, KeptError};
+pub use list::{ListError, PairFiles};
+pub use record::{CSV_HEADING, Record, Tally};
