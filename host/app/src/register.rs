@@ -43,6 +43,9 @@ pub(crate) struct RegisterArgs {
     /// Register consecutive scans of the folder TARGET, each to the one before it.
     #[arg(long, conflicts_with = "source")]
     pub(super) sequence: bool,
+    /// Page of many pairs: each with its errors, and the worst in three dimensions (HTML).
+    #[arg(long, value_name = "FILE", conflicts_with = "source")]
+    pub(super) report: Option<PathBuf>,
     /// True poses of the scans, TUM or KITTI, one a scan.
     #[arg(long, value_name = "FILE", requires = "sequence")]
     pub(super) truth: Option<PathBuf>,

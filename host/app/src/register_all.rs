@@ -8,12 +8,14 @@ use super::exit::{Failure, print};
 use super::interrupt::{INTERRUPTED, stop_on_interrupt};
 use super::progress::Progress;
 use super::register::RegisterArgs;
+use echoloop_closed_loop::run_folder::files::Output;
 use echoloop_closed_loop::search::Observer;
 use echoloop_clouds::Pose;
 use echoloop_clouds::pose::read_trajectory;
 use echoloop_files::say;
-use echoloop_folders::{Batch, CSV_HEADING, Kept, PairFiles, Record, Tally, sequence};
+use echoloop_folders::{Batch, CSV_HEADING, Kept, PairFiles, Record, Tally, sequence, worst};
 use echoloop_registration::pair::Request;
+use echoloop_report::{RegisteredPage, ShownPair, fixed};
 
 /// Registers the pairs of a folder, of a table, or of consecutive scans.
 pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
@@ -28,6 +30,7 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
     let settings = settings(&request, args);
     let open = |folder| Kept::open(folder, &settings).map_err(Failure::usage);
     let mut kept = args.output.as_deref().map(open).transpose()?;
+    let report = args.report.as_deref().map(Output::at).transpose()?; // before the work
     let stop = stop_on_interrupt();
     let progress = Progress::new(args.common.quiet);
     progress.begin("registering", pairs.len() as u64);
@@ -59,6 +62,9 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
         trajectories(folder, &records)?;
     }
     let tally = Tally::of(&records);
+    if let Some(output) = &report {
+        output.write(page(args, &batch, &records, &tally).to_html().as_bytes())?;
+    }
     if !args.common.quiet {
         say(&tally);
     }
@@ -90,6 +96,60 @@ fn settings(request: &Request, args: &RegisterArgs) -> String {
     let text = format!("{head} scales={scales:?} sequence={sequence} {words}{tuned}");
     serde_json::json!({ "format": 1, "settings": text }).to_string()
 }
+
+/// Page of all pairs, with the worst in three dimensions.
+fn page(
+    args: &RegisterArgs,
+    batch: &Batch<'_>,
+    records: &[Record],
+    tally: &Tally,
+) -> RegisteredPage {
+    let number = |of: Option<f64>, scale: f64, digits: usize| {
+        of.map_or_else(|| "–".into(), |of| fixed(scale * of, digits))
+    };
+    let cells = |record: &Record| {
+        vec![
+            record.name.clone(),
+            record.stop.clone(),
+            number(record.translation_error_m, 100.0, 2),
+            number(record.rotation_error_deg, 1.0, 3),
+            number(record.supported, 100.0, 1),
+            number(record.known, 100.0, 0),
+            number(record.lead, 1.0, 1),
+        ]
+    };
+    let off = |record: &Record| match (record.translation_error_m, record.rotation_error_deg) {
+        (Some(m), Some(deg)) => format!("{} cm and {}° off", fixed(100.0 * m, 1), fixed(deg, 2)),
+        _ => "error unknown".into(),
+    };
+    let shown = worst(records).and_then(|index| {
+        let record = &records[index];
+        let clouds = batch.clouds(index, &record.motion()?).ok()?;
+        let lead = format!("{}, the worst of all", record.name);
+        Some(ShownPair { lead, off: [String::new(), off(record)], clouds })
+    });
+    let said = tally.to_string();
+    let (title, method) = (args.target.display().to_string(), batch.request.method.name());
+    let facts = [("method", method), ("outcome", said.lines().next().unwrap_or_default())];
+    RegisteredPage {
+        title,
+        facts: facts.map(|(name, value)| (name.into(), value.into())).to_vec(),
+        heads: HEADS.map(str::to_owned).to_vec(),
+        rows: records.iter().map(cells).collect(),
+        shown,
+    }
+}
+
+/// Heads of the page's table.
+const HEADS: [&str; 7] = [
+    "pair",
+    "outcome",
+    "error, cm",
+    "error, °",
+    "on the other cloud, %",
+    "known to it, %",
+    "lead, sd",
+];
 
 /// Writes the chain of consecutive scans.
 fn trajectories(folder: &Path, records: &[Record]) -> Result<(), Failure> {

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use echoloop_clouds::pose::read_pose;
-use echoloop_clouds::{Pose, read_points, read_recorded};
+use echoloop_clouds::{Cloud, Pose, Recorded, read_points, read_recorded};
 use echoloop_registration::pair::{Request, in_one_frame};
 use rayon::prelude::*;
 
@@ -74,6 +74,32 @@ impl Batch<'_> {
         Ok(in_order.into_inner().unwrap_or_else(PoisonError::into_inner).records)
     }
 
+    /// Clouds of a pair: its target and source as given, and with the source moved by a motion. Of
+    /// survey coordinates, in the frame of the target's shift.
+    ///
+    /// # Errors
+    ///
+    /// The file that cannot be read, and why.
+    pub fn clouds(&self, index: usize, motion: &Pose) -> Result<[[Cloud; 2]; 2], String> {
+        let (target, mut source) = self.read(index, false)?;
+        let given = source.cloud.clone();
+        source.transform(motion);
+        source.shift_by(target.shift_m);
+        Ok([[target.cloud.clone(), given], [target.cloud, source.cloud]])
+    }
+
+    /// Target and source in one frame; the source with all columns, if it is to be written.
+    fn read(&self, index: usize, whole: bool) -> Result<(Recorded, Recorded), String> {
+        let pair = &self.pairs[index];
+        let read = if whole { read_recorded } else { read_points };
+        let (mut target, _) = read_points(&pair.target).map_err(|error| error.to_string())?;
+        let (mut source, _) = read(&pair.source).map_err(|error| error.to_string())?;
+        target.scale(self.scales[0]);
+        source.scale(self.scales[1]);
+        in_one_frame(&target, &mut source);
+        Ok((target, source))
+    }
+
     fn record(&self, index: usize, laid: Option<PathBuf>) -> Record {
         let pair = &self.pairs[index];
         let files = [&pair.target, &pair.source].map(|path| path.display().to_string());
@@ -89,18 +115,13 @@ impl Batch<'_> {
         names: [String; 3],
     ) -> Result<Record, String> {
         let pair = &self.pairs[index];
-        let read = if laid.is_some() { read_recorded } else { read_points };
-        let (mut target, _) = read_points(&pair.target).map_err(|error| error.to_string())?;
-        let (mut source, _) = read(&pair.source).map_err(|error| error.to_string())?;
+        let (target, mut source) = self.read(index, laid.is_some())?;
         let pose = |path: &PathBuf| read_pose(path).map_err(|error| error.to_string());
         let initial = pair.initial.as_ref().map(pose).transpose()?.unwrap_or_default();
         let truth = match self.truths.get(index) {
             Some(truth) => Some(*truth),
             None => pair.truth.as_ref().map(pose).transpose()?,
         };
-        target.scale(self.scales[0]);
-        source.scale(self.scales[1]);
-        in_one_frame(&target, &mut source);
         let found = self.request.register(&target, &source, &initial);
         let found = found.map_err(|error| error.to_string())?;
         let motion = found.target_from_source();

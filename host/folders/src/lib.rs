@@ -17,4 +17,4 @@ pub mod sequence;
 pub use batch::Batch;
 pub use kept::{Kept, KeptError};
 pub use list::{ListError, PairFiles};
-pub use record::{CSV_HEADING, Record, Tally};
+pub use record::{CSV_HEADING, Record, Tally, worst};

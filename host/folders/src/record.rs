@@ -142,6 +142,20 @@ impl Record {
     }
 }
 
+/// Index of the pair to look at: the farthest from its truth, else one that did not register, else
+/// the one whose clouds agree least. None without a motion.
+pub fn worst(records: &[Record]) -> Option<usize> {
+    let badness = |record: &Record| {
+        let error = record.translation_error_m.unwrap_or_default();
+        (error, f64::from(u8::from(!record.converged)), 1.0 - record.supported.unwrap_or_default())
+    };
+    let tried = (0..records.len()).filter(|&index| !records[index].is_untried());
+    tried.max_by(|&a, &b| {
+        let (a, b) = (badness(&records[a]), badness(&records[b]));
+        a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.total_cmp(&b.2))
+    })
+}
+
 /// How many of some pairs registered.
 #[derive(Clone, Debug, Default)]
 pub struct Tally {

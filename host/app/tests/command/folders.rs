@@ -25,7 +25,7 @@ fn each_pair_of_a_folder_is_registered_as_alone_and_judged_by_its_truth() {
     let fixture = Fixture::new();
     pairs(&fixture);
     let all = ["register", "pairs", "--json", "--method", "icp"];
-    let told = fixture.succeed(&all);
+    let told = fixture.succeed(&[&all[..], &["--report", "page.html"]].concat());
     let records = lines(&told.stdout);
     let names: Vec<&str> = records.iter().filter_map(|record| record["name"].as_str()).collect();
     assert_eq!(names, ["000", "001", "002"]);
@@ -41,6 +41,14 @@ fn each_pair_of_a_folder_is_registered_as_alone_and_judged_by_its_truth() {
         assert!(record["translation_error_m"].as_f64().expect("an error") < 0.1, "{record}");
     }
     assert!(told.stderr.contains("of 3, within 0.5 m and 2.5° of the truth"), "{}", told.stderr);
+    let page = fixture.read("page.html");
+    let worst = records.iter().max_by(|a, b| {
+        let error = |of: &Value| of["translation_error_m"].as_f64().expect("an error");
+        error(a).total_cmp(&error(b))
+    });
+    let worst = worst.and_then(|worst| worst["name"].as_str()).expect("three pairs");
+    assert!(page.contains(&format!("{worst}, the worst of all: the target stands still")));
+    assert!(names.iter().all(|name| page.contains(&format!("<th scope=\"row\">{name}</th>"))));
     // A table says the same, with one thread too.
     let rows: Vec<String> =
         (0..3).map(|n| format!("00{n},pairs/00{n}_target.ply,pairs/00{n}_source.ply\n")).collect();

@@ -24,23 +24,36 @@ struct Bounds {
 /// The viewer with its data: the held-out pair that the default did worst on, target and source in
 /// the target's frame.
 pub(super) fn section(report: &Report) -> String {
-    let layers = report.clouds.as_flattened().iter().map(thinned).collect::<Vec<_>>();
-    let view = view(&layers);
-    let data: String = layers.iter().map(|layer| layer_data(layer, &view)).collect();
     let result = &report.run.result;
     let pair = result.shown_pair();
-    let panel = |id: &str, title: &str, summary: &Summary| {
-        panel(id, title, summary.errors.iter().find(|error| error.pair == pair))
-    };
+    let off = |summary: &Summary| off(summary.errors.iter().find(|error| error.pair == pair));
+    let lead = format!(
+        "{}: the held-out pair the default did worst on",
+        label_of(&report.background, pair)
+    );
+    let captions =
+        [("Default", off(&result.default_summary)), ("Tuned", off(&result.tuned_summary))];
+    views(&lead, captions, &report.clouds)
+}
+
+/// Two views of a pair, side by side: captions with what is off, and target and source of each.
+pub(crate) fn views(
+    lead: &str,
+    [before, after]: [(&str, String); 2],
+    clouds: &[[Cloud; 2]; 2],
+) -> String {
+    let layers = clouds.as_flattened().iter().map(thinned).collect::<Vec<_>>();
+    let view = view(&layers);
+    let data: String = layers.iter().map(|layer| layer_data(layer, &view)).collect();
     format!(
         "<section id=\"clouds\"><h2>One pair in three dimensions</h2>\
-         <p class=\"lead\">{}: the held-out pair the default did worst on: the target stands \
+         <p class=\"lead\">{}: the target stands \
          still, the source lies where registration put it. Both views share one camera.</p>\
          {CONTROLS}<div class=\"pair views\">{}{}</div>{HINT}\
          <div id=\"viewer\" hidden data-view=\"{}\">{data}</div></section>\n",
-        escape(&label_of(&report.background, pair)),
-        panel("before", "Default", &result.default_summary),
-        panel("after", "Tuned", &result.tuned_summary),
+        escape(lead),
+        panel("before", before),
+        panel("after", after),
         view_text(&view)
     )
 }
@@ -62,15 +75,19 @@ const HINT: &str = "<p class=\"hint\" id=\"view-hint\">Drag to orbit, shift-drag
      zoom, 0 resets. <span id=\"view-grid\"></span></p>\
      <noscript><p class=\"fallback\">The views need JavaScript.</p></noscript>";
 
-fn panel(id: &str, title: &str, error: Option<&PairError>) -> String {
-    let off = match error.filter(|error| error.translation_m.is_finite()) {
+fn off(error: Option<&PairError>) -> String {
+    match error.filter(|error| error.translation_m.is_finite()) {
         Some(error) => format!(
             "{} and {} off",
             with_unit(&fixed(error.translation_m * 100.0, 1), "cm"),
             with_unit(&fixed(error.rotation_deg, 2), "°")
         ),
         None => "error unknown".to_owned(),
-    };
+    }
+}
+
+fn panel(id: &str, (title, off): (&str, String)) -> String {
+    let (title, off) = (escape(title), escape(&off));
     format!(
         "<figure><figcaption><b>{title}</b> <span>{off}</span></figcaption>\
          <canvas id=\"view-{id}\" tabindex=\"0\" role=\"img\" aria-describedby=\"view-hint\" \

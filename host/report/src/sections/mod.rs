@@ -5,7 +5,7 @@
 
 mod beams;
 mod budget;
-mod clouds;
+pub(crate) mod clouds;
 mod convergence;
 pub(crate) mod correlation;
 pub(crate) mod cost;
@@ -31,8 +31,8 @@ pub use cost::{Costs, costs};
 pub use evaluation::{EvaluationRow, EvaluationTable, RowKind, judged};
 pub use importance::{Bar, Importance, Slice, SlicePoint};
 
-const CAMERA: &str = include_str!("../camera.js");
-const VIEWER: &str = include_str!("../viewer.js");
+pub(crate) const CAMERA: &str = include_str!("../camera.js");
+pub(crate) const VIEWER: &str = include_str!("../viewer.js");
 
 /// A finished run, read and evaluated for its page.
 #[derive(Clone, Debug)]
