@@ -8,7 +8,7 @@ use std::process::Command;
 use anyhow::{Context, Result, bail};
 
 use crate::peers::environment::environment;
-use crate::shell::{built, cargo, on_path, succeed, workspace};
+use crate::shell::{build_as_tested, built, cargo, on_path, succeed, workspace};
 
 /// Builds the wheel; with `test`, the module as the tests of the workspace have it, and runs its
 /// tests.
@@ -44,7 +44,10 @@ fn wheel(root: &Path) -> Result<()> {
 }
 
 fn tested(root: &Path) -> Result<()> {
-    cargo(["build", "--package", "echoloop-python", "--package", "echoloop-app"])?;
+    build_as_tested()?;
+    // Not a crate type of its manifest: built with the firmware, as the whole workspace is, its
+    // exported symbols hold the texts of defmt's log, which no linker takes.
+    cargo(["rustc", "--package", "echoloop-python", "--lib", "--crate-type", "cdylib"])?;
     let (module, folder) = (module(root), built(root).join("python"));
     let python = environment(&folder.join("tests"), &module.join("tests/requirements.txt"))?;
     let site = staged(root, &folder)?;
