@@ -75,7 +75,7 @@ pub(crate) struct RegisterArgs {
          matrix, or as a KITTI row of 12 numbers [default: identity]",
         methods_that(|method| !method.is_rough())
     ))]
-    initial: Option<PathBuf>,
+    pub(super) initial: Option<PathBuf>,
     #[arg(short, long, value_name = "FILE", help = format!(
         "Where to write the source in the target's frame, with all that its file says of each \
          point: {}. Nothing is written unless it is registered. Of many pairs a folder: a NAME.ply \
@@ -86,7 +86,7 @@ pub(crate) struct RegisterArgs {
     pub(super) output: Option<PathBuf>,
     /// Format of the output [default: that of the file's name, else ply].
     #[arg(long, value_parser = format_parser(), requires = "output")]
-    format: Option<CloudFormat>,
+    pub(super) format: Option<CloudFormat>,
     #[command(flatten)]
     settings: MethodFlags,
 }

@@ -19,6 +19,13 @@ use echoloop_report::{RegisteredPage, ShownPair, fixed};
 
 /// Registers the pairs of a folder, of a table, or of consecutive scans.
 pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
+    if args.initial.is_some() {
+        let own = "each pair has its own, as NAME_initial.txt or in a column of the table";
+        return Err(Failure::usage(format!("--initial goes with SOURCE: {own}")));
+    }
+    if args.format.is_some() {
+        return Err(Failure::usage("--format goes with SOURCE: many sources are written as PLY"));
+    }
     let pairs = match args.sequence {
         true => PairFiles::consecutive(&args.target),
         false => PairFiles::list(&args.target),

@@ -152,6 +152,9 @@ fn what_is_no_list_of_pairs_is_refused() {
     fixture.write("list.csv", "target,sauce\n");
     fixture.refuses(&["register", "list.csv"], &["list.csv: expected a heading with target"]);
     fixture.refuses(&["register", "a.ply", "b.ply", "--sequence"], &["--sequence"]);
+    fixture.refuses(&["register", "list.csv", "--initial", "a.txt"], &["--initial", "column"]);
+    let format = ["register", "list.csv", "-o", "done", "--format", "pcd"];
+    fixture.refuses(&format, &["--format goes with SOURCE"]);
     fixture.write("list.csv", "target,source,initial\na.ply,b.ply,guess.txt\n");
     fixture.refuses(&["register", "list.csv", "--method", "fgr"], &["takes no initial guess"]);
 }
