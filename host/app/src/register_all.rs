@@ -11,7 +11,7 @@ use super::register::RegisterArgs;
 use echoloop_closed_loop::run_folder::files::Output;
 use echoloop_closed_loop::search::Observer;
 use echoloop_clouds::Pose;
-use echoloop_clouds::pose::read_trajectory;
+use echoloop_clouds::pose::{read_trajectory, to_kitti};
 use echoloop_files::say;
 use echoloop_folders::{Batch, CSV_HEADING, Kept, PairFiles, Record, Tally, sequence, worst};
 use echoloop_registration::pair::Request;
@@ -161,10 +161,9 @@ const HEADS: [&str; 7] = [
 /// Writes the chain of consecutive scans.
 fn trajectories(folder: &Path, records: &[Record]) -> Result<(), Failure> {
     let poses = sequence::chain(records);
-    for (name, text) in [
-        ("poses_kitti.txt", sequence::to_kitti(&poses)),
-        ("poses_tum.txt", sequence::to_tum(&poses)),
-    ] {
+    for (name, text) in
+        [("poses_kitti.txt", to_kitti(&poses)), ("poses_tum.txt", sequence::to_tum(&poses))]
+    {
         let path = folder.join(name);
         fs::write(&path, text)
             .map_err(|error| Failure::run(format!("{}: {error}", path.display())))?;

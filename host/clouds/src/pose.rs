@@ -6,7 +6,7 @@ mod trajectory;
 use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, Translation3, UnitQuaternion};
 
 pub use read::{parse_pose, read_pose};
-pub use trajectory::{Stamped, parse_trajectory, read_trajectory};
+pub use trajectory::{Stamped, parse_trajectory, read_trajectory, to_kitti};
 
 /// A rigid motion. Its variables are called by what they map: `target_from_source`.
 pub type Pose = Isometry3<f64>;

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use echoloop_clouds::Pose;
-use echoloop_clouds::pose::{relative, to_rows};
+use echoloop_clouds::pose::relative;
 
 use crate::record::Record;
 
@@ -26,15 +26,6 @@ pub fn chain(records: &[Record]) -> Vec<Pose> {
         poses.push(last * record.motion().unwrap_or_default());
     }
     poses
-}
-
-/// Trajectory in KITTI's format: the upper three rows of each pose.
-pub fn to_kitti(poses: &[Pose]) -> String {
-    let line = |pose: &Pose| {
-        let numbers: Vec<String> = to_rows(pose)[..12].iter().map(f64::to_string).collect();
-        numbers.join(" ") + "\n"
-    };
-    poses.iter().map(line).collect()
 }
 
 /// Trajectory in TUM's format: number of the scan for its time, then `x y z qx qy qz qw`.

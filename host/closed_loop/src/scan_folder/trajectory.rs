@@ -16,7 +16,7 @@ use crate::prepared::ConfiguredSensor;
 use crate::run_folder::atomic_folder::AtomicFolder;
 use crate::run_folder::files::FileError;
 use crate::seed::scan_noise;
-use echoloop_clouds::pose::{Stamped, to_rows};
+use echoloop_clouds::pose::{Stamped, to_kitti, to_rows};
 use echoloop_clouds::{CloudFormat, Recorded};
 use echoloop_sensors::sensor::View;
 
@@ -98,11 +98,9 @@ impl Trajectory<'_> {
     /// Writes `poses.txt` as KITTI has them, `times.txt` if there are times, and `config.toml`;
     /// then gives the folder its name.
     pub fn finish(&self, folder: AtomicFolder) -> Result<(), FileError> {
-        let line =
-            |row: &[f64]| row.iter().map(f64::to_string).collect::<Vec<_>>().join(" ") + "\n";
-        let poses: String = self.poses.iter().map(|at| line(&to_rows(&at.pose)[..12])).collect();
-        folder.write("poses.txt", poses)?;
-        let times: String = self.poses.iter().filter_map(|at| Some(line(&[at.time_s?]))).collect();
+        folder.write("poses.txt", to_kitti(self.poses.iter().map(|at| &at.pose)))?;
+        let times: String =
+            self.poses.iter().filter_map(|at| Some(format!("{}\n", at.time_s?))).collect();
         if !times.is_empty() {
             folder.write("times.txt", times)?;
         }

@@ -5,7 +5,7 @@ use std::path::Path;
 use echoloop_files::{FileError, MOST_TEXT, one_line, read_text};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 
-use super::{Pose, from_rows};
+use super::{Pose, from_rows, to_rows};
 
 /// Largest difference of a quaternion's length from 1.
 const UNIT_TOLERANCE: f64 = 1e-3;
@@ -19,6 +19,15 @@ pub struct Stamped {
     pub time_s: Option<f64>,
     /// `world_from_sensor`.
     pub pose: Pose,
+}
+
+/// Poses as KITTI writes them: the upper three rows of each, a line a pose.
+pub fn to_kitti<'a>(poses: impl IntoIterator<Item = &'a Pose>) -> String {
+    let line = |pose: &Pose| {
+        let numbers: Vec<String> = to_rows(pose)[..12].iter().map(f64::to_string).collect();
+        numbers.join(" ") + "\n"
+    };
+    poses.into_iter().map(line).collect()
 }
 
 /// Reads poses, one per line, all in the same one of two forms:
