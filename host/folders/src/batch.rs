@@ -6,11 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use echoloop_clouds::pose::read_pose;
-use echoloop_clouds::{Cloud, Pose, Recorded, read_points, read_recorded};
+use echoloop_clouds::{Cloud, Pose, Recorded, read_points, read_recorded, write_recorded};
 use echoloop_registration::pair::{Request, in_one_frame};
 use rayon::prelude::*;
 
-use crate::kept::{Kept, KeptError, lay};
+use crate::kept::{Kept, KeptError};
 use crate::list::PairFiles;
 use crate::record::Record;
 
@@ -128,7 +128,7 @@ impl Batch<'_> {
         let record = Record::of(names, &found.outcome, &motion, truth.as_ref());
         if let Some(path) = laid.filter(|_| record.converged) {
             source.transform(&motion);
-            lay(&path, &source)?;
+            write_recorded(&path, &source).map_err(|error| error.to_string())?;
         }
         Ok(record)
     }

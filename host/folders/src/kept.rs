@@ -5,9 +5,6 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use echoloop_clouds::Recorded;
-use echoloop_clouds::write_recorded;
-
 use crate::record::Record;
 
 /// Name of the file of records, a line of JSON each after the line of the settings.
@@ -108,9 +105,4 @@ impl Kept {
     pub fn laid(&self, name: &str) -> PathBuf {
         self.folder.join(format!("{name}.ply"))
     }
-}
-
-/// Writes a source in its target's frame.
-pub(crate) fn lay(path: &Path, source: &Recorded) -> Result<(), String> {
-    write_recorded(path, source).map_err(|error| error.to_string())
 }

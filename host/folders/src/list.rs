@@ -30,7 +30,7 @@ pub struct ListError {
     what: String,
 }
 
-/// What a folder says of a pair after its name and `_`.
+/// Ends of the names of files of a pair, after the pair's name.
 const TARGET: &str = "_target";
 const SOURCE: &str = "_source";
 const TRUTH: &str = "_target_from_source.txt";

@@ -1,4 +1,4 @@
-//! What is kept of each pair, and of all of them.
+//! Record of each pair, and the tally of all.
 
 use std::fmt::{Display, Formatter};
 
@@ -156,7 +156,7 @@ pub fn worst(records: &[Record]) -> Option<usize> {
     })
 }
 
-/// How many of some pairs registered.
+/// Number of pairs that registered, of all.
 #[derive(Clone, Debug, Default)]
 pub struct Tally {
     /// Pairs.

@@ -41,7 +41,7 @@ pub struct BadOption {
     pub name: &'static str,
     /// Its value.
     pub value: f64,
-    /// What it may be.
+    /// Range that it may have.
     pub expected: &'static str,
 }
 

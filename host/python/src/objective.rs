@@ -21,7 +21,7 @@ pyo3::create_exception!(
     "Parameters with which nothing can be scanned or registered."
 );
 
-/// What tuning minimises: the error of sensor and registration parameters on simulated scan pairs.
+/// Objective of tuning: the error of sensor and registration parameters on simulated scan pairs.
 ///
 /// `settings` are keys of the configuration, as `{"scene.source": "structured", "seed": 3}`, laid
 /// over those of the file `config`. Scenes are traced once; `pairs` are "train", or "test", which

@@ -165,7 +165,7 @@ fn settings<'py>(
     Ok(settings)
 }
 
-/// What a registration found. True if its motion can be trusted, as far as the clouds tell.
+/// Outcome of a registration. True if its motion can be trusted, as far as the clouds tell.
 #[pyclass(frozen, module = "echoloop")]
 pub(crate) struct Registration {
     registered: pair::Registered,

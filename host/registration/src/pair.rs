@@ -4,7 +4,7 @@
 use echoloop_clouds::{Cloud, Pose, Recorded};
 
 use crate::config::given::{Given, GivenError};
-use crate::overlap::{Scene, settled};
+use crate::overlap::{Scene, asked};
 use crate::survey::Frames;
 use crate::{
     ConfigError, Confirmed, Gicp, Icp, IcpConfig, Method, MethodConfig, Outcome, PrepareError,
@@ -210,10 +210,7 @@ impl PreparedTarget {
             return outcome;
         }
         let Ok(scene) = Scene::new(source, self.scene_voxel_m) else { return outcome };
-        let unit_m = self.scene.unit_m();
-        let outcome = settled(outcome, unit_m, |from| align(&source_prepared, from));
-        let judgement = self.scene.judge(&scene, &outcome.target_from_source);
-        outcome.judged(judgement, unit_m)
+        asked(outcome, (&self.scene, &scene), |from| align(&source_prepared, from))
     }
 }
 

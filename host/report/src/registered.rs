@@ -26,7 +26,7 @@ pub struct RegisteredPage {
 pub struct ShownPair {
     /// Its name, and why it is shown.
     pub lead: String,
-    /// What is off, as given and registered.
+    /// Error as given and registered, in words.
     pub off: [String; 2],
     /// Target and source as given, and with the source on the target.
     pub clouds: [[Cloud; 2]; 2],

@@ -295,7 +295,7 @@ fn read_pairs(
     }
 }
 
-/// What all scans of a file have alike.
+/// Properties that all scans of a file share.
 struct Seen {
     /// Number of beams.
     beams: usize,

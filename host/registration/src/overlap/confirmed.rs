@@ -39,11 +39,20 @@ impl<M: Registration> Registration for Confirmed<M> {
             return outcome;
         };
         let again = |from: &Pose| self.method.register(target, source, from);
-        let unit_m = target_scene.unit_m();
-        let outcome = settled(outcome, unit_m, again);
-        let judgement = target_scene.judge(&source_scene, &outcome.target_from_source);
-        outcome.judged(judgement, unit_m)
+        asked(outcome, (&target_scene, &source_scene), again)
     }
+}
+
+/// The outcome once it has [`settled`], and what both scans say of its motion.
+pub(crate) fn asked(
+    outcome: Outcome,
+    (target, source): (&Scene, &Scene),
+    again: impl FnOnce(&Pose) -> Outcome,
+) -> Outcome {
+    let unit_m = target.unit_m();
+    let outcome = settled(outcome, unit_m, again);
+    let judgement = target.judge(source, &outcome.target_from_source);
+    outcome.judged(judgement, unit_m)
 }
 
 /// The outcome; if its iterations ran out, that of as many more from its motion, which has

@@ -27,7 +27,7 @@ use nalgebra::{Point3, Vector3};
 
 use self::cells::Seen;
 pub use self::confirmed::Confirmed;
-pub(crate) use self::confirmed::settled;
+pub(crate) use self::confirmed::{asked, settled};
 pub use self::judgement::{Judgement, Rival};
 pub(crate) use self::judgement::{Looked, is_within};
 pub use self::open::OpenDirection;
