@@ -18,14 +18,12 @@ use echoloop_closed_loop::beams::Beams;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::dataset::source::Source;
 use echoloop_closed_loop::dataset::{Dataset, Place, place, respond_at, single_viewpoint};
-use echoloop_closed_loop::evaluation::scan_cloud::recorded_from_scan;
 use echoloop_closed_loop::prepared::ConfiguredSensor;
 use echoloop_closed_loop::scan_folder::with_points;
-use echoloop_closed_loop::seed::scan_noise;
 use echoloop_clouds::pose::{Pose, to_rows};
 use echoloop_clouds::{CloudFormat, Recorded};
 use echoloop_sensors::pattern::document;
-use echoloop_sensors::sensor::{Model, View};
+use echoloop_sensors::sensor::Model;
 
 /// Flags of `scan`.
 #[derive(Clone, Debug, Args)]
@@ -100,28 +98,23 @@ struct Seen {
 
 fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&CloudOutput>) -> Result<(), Failure> {
     let sensors = args.setup.sensor.sensors(Model::from(config))?;
-    let ConfiguredSensor { sensors, name, start, .. } =
-        ConfiguredSensor::new(config, sensors, &|_| ())?;
+    let sensor = ConfiguredSensor::new(config, sensors, &|_| ())?;
     let (seen, beams) = match Source::of(&config.scene.source) {
         Source::Recording(_) => recorded(args, config)?,
         _ => {
             let beams = config.scanner.beams();
-            let aimed = beams.aimed(&start.settings).map_err(Failure::usage)?.into_owned();
+            let aimed = beams.aimed(&sensor.start.settings).map_err(Failure::usage)?.into_owned();
             (seen(args, config, &aimed)?, aimed)
         }
     };
     let response = seen.as_ref().map_or_else(Arc::default, |seen| Arc::clone(&seen.response));
-    let view =
-        View { scene: &response, noise_seed: scan_noise(config.seed), scan: 1, viewpoint: 1 };
-    let (hash, scan) =
-        sensors.with(|sensor| Ok((sensor.configure(&start.settings)?, sensor.scan(&view)?)))?;
-    let duration_s = config.motion.scan_s(beams.pattern());
-    let recorded = recorded_from_scan(&scan, &beams, view.viewpoint, duration_s);
+    let (settings, recorded) = sensor.scan(config, &beams, &response)?;
     let recorded = with_points(recorded, || "detection".into())?;
     if let Some(output) = output {
         output.write(&recorded)?;
     }
-    let scan = Scan { sensor: name, seen, settings: hash, pattern: *beams.pattern(), recorded };
+    let (sensor, pattern) = (sensor.name, *beams.pattern());
+    let scan = Scan { sensor, seen, settings, pattern, recorded };
     tell(output, &args.setup.common, &output_text(args, &scan)?)
 }
 

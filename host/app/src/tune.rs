@@ -28,7 +28,7 @@ use echoloop_closed_loop::run_folder::run::{
 };
 use echoloop_closed_loop::run_folder::tuned_run::tuned_values;
 use echoloop_closed_loop::search::TuneError;
-use echoloop_closed_loop::tuning::{result, run_name, search_and_judge, search_front, write_run};
+use echoloop_closed_loop::tuning::{run_name, tuned, write_run};
 use echoloop_files::{one_line, say};
 use echoloop_report::finished_runs::{judged, result_text};
 use echoloop_report::pair_errors_csv;
@@ -253,10 +253,7 @@ fn tune(
         say(format_args!("nothing is searched: every parameter is fixed"));
     }
     progress.begin("tuning", search.registrations() as u64);
-    let outcome = search_and_judge(&search, &mut journal, done, &progress).and_then(|judged| {
-        let front = search_front(&search, &judged, &folder, args.repair, &progress)?;
-        Ok((judged, front))
-    });
+    let outcome = tuned(&search, (&mut journal, done), &folder, args.repair, &progress);
     progress.end();
     if let Err(TuneError::Interrupted { .. } | TuneError::Sensor(_)) = &outcome {
         say(format_args!(
@@ -265,9 +262,8 @@ fn tune(
             args.setup.sensor.again()
         ));
     }
-    let ((tuned, judged), front) = outcome?;
-    let result = RunResult { front, ..result(&search, &tuned, judged) };
-    write_run(&folder, &prepared, &tuned.parameters, &result)?;
+    let (parameters, result) = outcome?;
+    write_run(&folder, &prepared, &parameters, &result)?;
     write_page(&folder)?;
     finish(args, &folder, &prepared, &result)
 }

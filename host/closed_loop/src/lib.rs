@@ -45,6 +45,7 @@
 //!     start,
 //!     warm_starts: Vec::new(),
 //!     stop: &AtomicBool::new(false),
+//!     elsewhere: None,
 //! };
 //! let folder = tempfile::tempdir()?;
 //! let mut journal = Journal::create(&folder.path().join("history.jsonl"), &search.header())?;
@@ -57,6 +58,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod ask_tell;
 pub mod beams;
 pub mod budget;
 pub mod checksum;

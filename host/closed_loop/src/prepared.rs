@@ -3,22 +3,27 @@
 //! [`Preparation::new`] asks the sensor, [`Preparation::traced`] traces the pairs,
 //! [`Prepared::search`] is the search of both.
 
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use echoloop_parameters::choice;
 use echoloop_sim::viewpoint::Split;
 use thiserror::Error;
 
+use crate::beams::Beams;
 use crate::config::RunConfig;
 use crate::config::preset::Strategy;
 use crate::cost::CostKind;
 use crate::dataset::{Dataset, DatasetError};
 use crate::evaluation::objective::Bench;
+use crate::evaluation::scan_cloud::recorded_from_scan;
 use crate::evaluation::summary::NoisyPairs;
 use crate::parameters::{Device, Parameters, Space, ValueError};
 use crate::search::{Stage, TuneSearch, stages};
-use crate::seed::Purpose;
-use echoloop_sensors::sensor::{Model, SensorError, Sensors};
+use crate::seed::{Purpose, scan_noise};
+use echoloop_clouds::Recorded;
+use echoloop_frontend::SceneResponse;
+use echoloop_sensors::sensor::{Model, SensorError, Sensors, View};
 
 /// A run that cannot begin.
 #[derive(Debug, Error)]
@@ -96,6 +101,26 @@ impl ConfiguredSensor {
         let device = Device { hardware, pattern, budget: config.budget };
         let start = Parameters::start(config, &device)?;
         Ok(Self { sensors, name, device, start })
+    }
+
+    /// Scan number 1 of viewpoint 1 with the start's settings: hash of the settings, and the points
+    /// with all that the sensor tells of them. `beams` have the aim of the settings.
+    ///
+    /// # Errors
+    ///
+    /// [`SensorError`].
+    pub fn scan(
+        &self,
+        config: &RunConfig,
+        beams: &Beams,
+        scene: &Arc<SceneResponse>,
+    ) -> Result<(u32, Recorded), SensorError> {
+        let view = View { scene, noise_seed: scan_noise(config.seed), scan: 1, viewpoint: 1 };
+        let settings = &self.start.settings;
+        let (hash, scan) =
+            self.sensors.with(|sensor| Ok((sensor.configure(settings)?, sensor.scan(&view)?)))?;
+        let duration_s = config.motion.scan_s(beams.pattern());
+        Ok((hash, recorded_from_scan(&scan, beams, view.viewpoint, duration_s)))
     }
 }
 
@@ -250,6 +275,7 @@ impl Prepared {
             start: self.start,
             warm_starts: self.warm_starts.clone(),
             stop,
+            elsewhere: None,
         }
     }
 }

@@ -99,6 +99,26 @@ pub fn search_front(
     Ok(Some(front))
 }
 
+/// Searches, judges, and searches the front where one is asked for: the tuned parameters, and the
+/// result of the run. `done` are the generations that the journal holds.
+///
+/// # Errors
+///
+/// [`TuneError`], as of [`search_and_judge`] and [`search_front`].
+pub fn tuned(
+    search: &TuneSearch<'_>,
+    (journal, done): (&mut Journal, Vec<Generation>),
+    folder: &RunFolder,
+    repair: bool,
+    observer: &dyn Observer,
+) -> Result<(Parameters, RunResult), TuneError> {
+    let found = search_and_judge(search, journal, done, observer)?;
+    let front = search_front(search, &found, folder, repair, observer)?;
+    let (tuned, judged) = found;
+    let result = RunResult { front, ..result(search, &tuned, judged) };
+    Ok((tuned.parameters, result))
+}
+
 /// Result of a run, without its front.
 pub fn result(search: &TuneSearch<'_>, tuned: &Tuned, judged: Judged) -> RunResult {
     let config = search.config;

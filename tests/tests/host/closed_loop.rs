@@ -91,7 +91,15 @@ fn search(config: &RunConfig) -> TuneSearch<'_> {
         config.device(),
     );
     let bench = Bench { dataset: &TOWN, sensors: &SENSORS };
-    TuneSearch { config, bench, space, start, warm_starts: Vec::new(), stop: &NEVER }
+    TuneSearch {
+        config,
+        bench,
+        space,
+        start,
+        warm_starts: Vec::new(),
+        stop: &NEVER,
+        elsewhere: None,
+    }
 }
 
 /// Journal and result of a whole search on a number of threads.

@@ -55,6 +55,7 @@ fn search(stop: &AtomicBool) -> TuneSearch<'_> {
         start,
         warm_starts: Vec::new(),
         stop,
+        elsewhere: None,
     }
 }
 

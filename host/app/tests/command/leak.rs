@@ -55,6 +55,7 @@ fn of<'a>(config: &'a RunConfig, dataset: &'a Dataset, sensors: &'a Sensors) -> 
         start,
         warm_starts: Vec::new(),
         stop: &NEVER,
+        elsewhere: None,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Checksums of everything that a search depends on besides its configuration: a search resumes
 //! only where they are equal.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use echoloop_clouds::pose::to_rows;
@@ -69,10 +69,22 @@ impl Content {
     }
 }
 
-/// Checksum of the program's own file; `None` where the system does not let it be read.
+/// File of the library that this code is in, where the program is another's.
+static LIBRARY: OnceLock<PathBuf> = OnceLock::new();
+
+/// Names the file that [`build`] reads: of a library that another program has loaded.
+pub fn of_library(path: PathBuf) {
+    LIBRARY.get_or_init(|| path);
+}
+
+/// Checksum of the program's own file, or of [`of_library`]; `None` where the system does not let
+/// it be read.
 pub fn build() -> Option<String> {
     static BUILD: OnceLock<Option<String>> = OnceLock::new();
     let own = || {
+        if let Some(library) = LIBRARY.get() {
+            return Checksum::of_file(library).ok().map(|sum| sum.to_string());
+        }
         // On Linux this leads to the running program even after its file was replaced.
         let linux = Path::new("/proc/self/exe");
         let path = if linux.exists() { linux.to_owned() } else { std::env::current_exe().ok()? };

@@ -21,7 +21,9 @@ use crate::evaluation::objective::Worth;
 use crate::evaluation::summary::Summary;
 use crate::parameters::{Parameters, Space, Values};
 use crate::run_folder::journal::{CandidateRecord, Generation, Header, Journal};
-use crate::search::{Evaluator, Observer, Task, TuneError, TuneSearch, difference, mean_cost};
+use crate::search::{
+    Evaluator, Observer, PairsOf, Task, TuneError, TuneSearch, difference, mean_cost,
+};
 use crate::seed::{Purpose, derive};
 pub use point::{Front, FrontPoint, Mark};
 
@@ -191,10 +193,11 @@ impl FrontSearch<'_> {
         let (mut generation, parameters) = self.draw(optimizer);
         let evaluator = Evaluator {
             bench: self.search.bench,
-            pairs: &self.search.bench.dataset.train,
+            set: PairsOf::Train,
             stop: self.search.stop,
             observer,
             scanner: Some(self.search.scanner()),
+            elsewhere: self.search.elsewhere,
         };
         let seed = self.search.config.seed;
         let task = |parameters, pair| Task {
@@ -298,9 +301,8 @@ impl FrontSearch<'_> {
         if self.search.stop.load(Ordering::Relaxed) {
             return Err(TuneError::Interrupted { generations });
         }
-        let pairs = &self.search.bench.dataset.train;
         let noise = Purpose::ShortlistNoise;
-        let summary = self.search.summary(&parameters, pairs, noise, observer)?;
+        let summary = self.search.summary(&parameters, PairsOf::Train, noise, observer)?;
         let cost = summary.cost.map_or(f64::NAN, |cost| self.cost.of(&cost));
         Ok(Finalist { parameters, values: logarithms(self.worth().of(&summary.errors), cost) })
     }

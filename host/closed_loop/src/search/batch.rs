@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use super::elsewhere::{Elsewhere, PairsOf, ScanTask};
 use super::fitness::PairResult;
 use super::tune_search::Observer;
 use crate::cost::{ScanCost, Scanner};
@@ -44,15 +45,22 @@ pub struct ScanTimes {
 /// Scans and registers pairs on the threads of the pool.
 pub(crate) struct Evaluator<'a> {
     pub bench: Bench<'a>,
-    /// Pairs to register.
-    pub pairs: &'a [ScanPair],
+    /// Set of the pairs to register.
+    pub set: PairsOf,
     pub stop: &'a AtomicBool,
     pub observer: &'a dyn Observer,
     /// Cost model of a scan, where costs count.
     pub scanner: Option<Scanner>,
+    /// Those who scan and register instead of the threads of the pool.
+    pub elsewhere: Option<&'a dyn Elsewhere>,
 }
 
-impl Evaluator<'_> {
+impl<'a> Evaluator<'a> {
+    /// Pairs to register.
+    pub(crate) fn pairs(&self) -> &'a [ScanPair] {
+        self.set.pairs(self.bench.dataset)
+    }
+
     /// Results in the order of the tasks; `None` when interrupted.
     ///
     /// A scan is a function of settings, pair and noise; a registration is one of the clouds and
@@ -65,6 +73,9 @@ impl Evaluator<'_> {
         // What takes long begins first, in this order on any thread that is free: at the end of a
         // batch other threads wait for the last of it.
         groups.sort_by_cached_key(|group| Reverse(self.work(tasks, group)));
+        if let Some(others) = self.elsewhere {
+            return Ok(self.left_to(others, tasks, &groups));
+        }
         let done: Vec<OnceLock<_>> = groups.iter().map(|_| OnceLock::new()).collect();
         let has_failed = &AtomicBool::new(false);
         rayon::scope_fifo(|scope| {
@@ -88,6 +99,33 @@ impl Evaluator<'_> {
         Ok(Some(results.into_iter().map(|(_, result)| result).collect()))
     }
 
+    /// The same, done by others.
+    fn left_to(
+        &self,
+        others: &dyn Elsewhere,
+        tasks: &[Task<'_>],
+        groups: &[Vec<usize>],
+    ) -> Option<Vec<PairResult>> {
+        // Tasks of each registration of each group.
+        let same: Vec<Vec<Vec<usize>>> =
+            groups.iter().map(|group| same_registrations(tasks, group)).collect();
+        let first_of_each = |same: &Vec<Vec<usize>>| {
+            let each: Vec<Task<'_>> = same.iter().map(|own| tasks[own[0]]).collect();
+            ScanTask::of(self.set, &each)
+        };
+        let results = others.results(same.iter().filter_map(first_of_each).collect())?;
+        let mut by_task: Vec<Option<PairResult>> = vec![None; tasks.len()];
+        for (same, result) in same.iter().zip(results) {
+            let cost = self.scanner.and_then(|_| ScanCost::mean(&result.costs));
+            for (own, error) in same.iter().zip(result.errors) {
+                for &task in own {
+                    by_task[task] = Some(PairResult { error: error.clone(), cost });
+                }
+            }
+        }
+        by_task.into_iter().collect()
+    }
+
     /// About as much work as a group is: samples of a scan. A registration takes as long as the
     /// samples of [`OF_A_REGISTRATION`] of each beam.
     fn work(&self, tasks: &[Task<'_>], group: &[usize]) -> u64 {
@@ -109,24 +147,24 @@ impl Evaluator<'_> {
             return Ok(None);
         }
         let begun = Instant::now();
-        let scanned = self.bench.scan(&parameters.settings, pair, &self.pairs[pair], noise)?;
+        let own = &self.pairs()[pair];
+        let scanned = self.bench.scan(&parameters.settings, pair, own, noise)?;
         let cost = self.scanner.and_then(|scanner| {
             let weighed = |scan| scanner.cost(&parameters.settings, scan);
             ScanCost::mean(&scanned.scans.each_ref().map(|scan| weighed(scan)))
         });
         let scan = begun.elapsed();
-        let registration = |i: usize| &tasks[group[i]].parameters.registration;
-        let same = grouped(group.len(), |a, b| registration(a) == registration(b));
+        let same = same_registrations(tasks, group);
         let done = same.par_iter().map(|same| {
             if self.stop.load(Ordering::Relaxed) {
                 return None;
             }
             let begun = Instant::now();
-            let (error, _) = scanned.register(registration(same[0]));
+            let (error, _) = scanned.register(&tasks[same[0]].parameters.registration);
             let time = begun.elapsed();
             same.iter().for_each(|_| self.observer.evaluated());
             let result = PairResult { error, cost };
-            Some((same.iter().map(|&i| (group[i], result.clone())).collect::<Vec<_>>(), time))
+            Some((same.iter().map(|&task| (task, result.clone())).collect::<Vec<_>>(), time))
         });
         let done: Option<Vec<_>> = done.collect();
         Ok(done.map(|done| {
@@ -138,6 +176,13 @@ impl Evaluator<'_> {
 
 fn is_same_scan(a: &Task<'_>, b: &Task<'_>) -> bool {
     a.pair == b.pair && a.noise == b.noise && a.parameters.settings == b.parameters.settings
+}
+
+/// Tasks of a group, grouped by their registration.
+fn same_registrations(tasks: &[Task<'_>], group: &[usize]) -> Vec<Vec<usize>> {
+    let registration = |i: usize| &tasks[group[i]].parameters.registration;
+    let same = grouped(group.len(), |a, b| registration(a) == registration(b));
+    same.into_iter().map(|own| own.into_iter().map(|i| group[i]).collect()).collect()
 }
 
 /// Indices below `count`, grouped by equality, groups in the order of their first index.

@@ -5,6 +5,7 @@
 //! | `closed_loop.rs` | the loop of Sec. 4.2: ask, scan, register, tell, stop |
 //! | `generation.rs` | one generation: candidates, pairs, evaluation |
 //! | `strategies.rs` | order of the stages, and the choice at the end |
+//! | `elsewhere.rs` | registrations that are left to other processes |
 //! | `stage.rs` | axes, generations and pairs of each stage |
 //! | `survey.rs` | aims among which the search begins |
 //! | `final_selection.rs` | finalists compared pair by pair on all training pairs |
@@ -17,6 +18,7 @@
 
 mod batch;
 mod closed_loop;
+mod elsewhere;
 mod external_candidate;
 mod final_selection;
 mod fitness;
@@ -36,6 +38,7 @@ use echoloop_cmaes::Constants;
 use crate::config::preset::Strategy;
 pub use batch::ScanTimes;
 pub(super) use batch::{Evaluator, Task};
+pub use elsewhere::{Elsewhere, PairsOf, ScanResult, ScanTask, TaskError, TaskRegistration};
 pub use external_candidate::{Judge, Started};
 pub(super) use fitness::mean_cost;
 pub use origin::Origin;

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use echoloop_cmaes::CmaEs;
 
 use super::batch::Evaluator;
+use super::elsewhere::PairsOf;
 use super::fitness::Fitness;
 use super::origin::Origin;
 use super::tune_search::{Finalist, Observer, TuneError, TuneSearch, Tuned};
@@ -35,22 +36,22 @@ impl<'a> SearchRun<'a> {
         observer: &'a dyn Observer,
     ) -> Self {
         let config = search.config;
-        let pairs = &search.bench.dataset.train;
         let scanner = config.tune.counts_costs().then(|| search.scanner());
         Self {
             search,
             journal,
             evaluator: Evaluator {
                 bench: search.bench,
-                pairs,
+                set: PairsOf::Train,
                 stop: search.stop,
                 observer,
                 scanner,
+                elsewhere: search.elsewhere,
             },
             recorded: recorded.into(),
             generations: Vec::new(),
             total: search.stages().iter().map(|stage| stage.generations).sum(),
-            pair_weights: vec![1.0; pairs.len()],
+            pair_weights: vec![1.0; search.bench.dataset.train.len()],
             fitness: Fitness::new(&config.tune, &config.data),
         }
     }

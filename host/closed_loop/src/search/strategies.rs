@@ -1,6 +1,7 @@
 //! The two strategies: order of the stages, and the choice at the end.
 
 use super::batch::{Evaluator, Task};
+use super::elsewhere::PairsOf;
 use super::final_selection::FinalSelection;
 use super::fitness::Fitness;
 use super::origin::Origin;
@@ -201,7 +202,7 @@ impl SearchRun<'_> {
             return Ok(None);
         }
         let each = in_order(given, simpler, choice);
-        let evaluator = Evaluator { pairs, ..self.evaluator };
+        let evaluator = Evaluator { set: PairsOf::Check, ..self.evaluator };
         let seed = derive(search.config.seed, Purpose::Check, 0);
         let mut check = FinalSelection::new(pairs.len(), seed);
         for &i in &each {
@@ -282,7 +283,7 @@ impl SearchRun<'_> {
         incumbent: usize,
         finalists: Vec<usize>,
     ) -> Result<usize, TuneError> {
-        let most = (1 + finalists.len()) * self.evaluator.pairs.len();
+        let most = (1 + finalists.len()) * self.evaluator.pairs().len();
         self.evaluator.observer.stage("choosing", most);
         self.select_on((&self.evaluator, &self.fitness), selection, incumbent, finalists)
     }

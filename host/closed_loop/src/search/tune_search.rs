@@ -6,12 +6,12 @@ use std::sync::atomic::AtomicBool;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::batch::ScanTimes;
+use super::batch::{ScanTimes, Task};
+use super::elsewhere::{Elsewhere, PairsOf, ScanTask};
 use super::stage::{Stage, stages};
 use crate::config::RunConfig;
 use crate::config::preset::Strategy;
-use crate::cost::Scanner;
-use crate::dataset::ScanPair;
+use crate::cost::{ScanCost, Scanner};
 use crate::dataset::fingerprint::{Content, build};
 use crate::evaluation::objective::Bench;
 use crate::evaluation::summary::{NoisyPairs, Summary, evaluate_and_cost};
@@ -171,6 +171,8 @@ pub struct TuneSearch<'a> {
     pub warm_starts: Vec<Parameters>,
     /// Set from outside to interrupt.
     pub stop: &'a AtomicBool,
+    /// Those who scan and register; `None`: this process, on the threads of the pool.
+    pub elsewhere: Option<&'a dyn Elsewhere>,
 }
 
 impl TuneSearch<'_> {
@@ -211,25 +213,42 @@ impl TuneSearch<'_> {
     }
 
     /// Evaluates parameters on the held-out pairs.
+    ///
+    /// # Errors
+    ///
+    /// [`TuneError::Sensor`]; [`TuneError::Interrupted`], if others do the work and have ended it.
     pub fn judge(
         &self,
         parameters: &Parameters,
         observer: &dyn Observer,
-    ) -> Result<Summary, SensorError> {
-        self.summary(parameters, &self.bench.dataset.test, Purpose::TestNoise, observer)
+    ) -> Result<Summary, TuneError> {
+        self.summary(parameters, PairsOf::Test, Purpose::TestNoise, observer)
     }
 
-    /// Evaluates parameters on some pairs with the noise of a purpose.
+    /// Evaluates parameters on a set of pairs with the noise of a purpose.
     pub(crate) fn summary(
         &self,
         parameters: &Parameters,
-        pairs: &[ScanPair],
+        set: PairsOf,
         purpose: Purpose,
         observer: &dyn Observer,
-    ) -> Result<Summary, SensorError> {
+    ) -> Result<Summary, TuneError> {
+        let pairs = set.pairs(self.bench.dataset);
         let noisy = NoisyPairs { pairs, seed: self.config.seed, purpose };
+        let data = &self.config.data;
+        if let Some(others) = self.elsewhere {
+            let noise = |pair| noisy.noise_seed(pair);
+            let task = |pair| Task { parameters, pair, noise: noise(pair) };
+            let tasks = (0..pairs.len()).filter_map(|pair| ScanTask::of(set, &[task(pair)]));
+            let results = others.results(tasks.collect());
+            let results = results.ok_or(TuneError::Interrupted { generations: 0 })?;
+            let costs: Vec<ScanCost> = results.iter().flat_map(|result| result.costs).collect();
+            let errors = results.into_iter().flat_map(|result| result.errors).collect();
+            let cost = ScanCost::mean(&costs);
+            return Ok(Summary { cost, ..Summary::from_errors(errors, data) });
+        }
         let (bench, scanner) = (&self.bench, &self.scanner());
         let done = || observer.evaluated();
-        evaluate_and_cost(bench, parameters, &noisy, scanner, &self.config.data, &done)
+        Ok(evaluate_and_cost(bench, parameters, &noisy, scanner, data, &done)?)
     }
 }

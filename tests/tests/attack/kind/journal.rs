@@ -96,6 +96,7 @@ impl Subject {
             start,
             warm_starts: Vec::new(),
             stop: &NEVER,
+            elsewhere: None,
         }
     }
 
