@@ -12,6 +12,11 @@ pub(crate) fn value(argument: &str, problem: impl Display) -> PyErr {
     PyValueError::new_err(format!("{argument}: {problem}"))
 }
 
+/// `ValueError` of what a library says.
+pub(crate) fn failed(error: impl Display) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
 /// Array of an argument, by `numpy.asarray`.
 pub(crate) fn array<'py>(
     argument: &str,

@@ -17,7 +17,7 @@ use crate::arguments::{coordinates, value};
 /// echo and are left out. Far from the origin coordinates are kept as float64.
 #[pyclass(frozen, module = "echoloop")]
 pub(crate) struct Cloud {
-    recorded: Recorded,
+    pub(crate) recorded: Recorded,
 }
 
 /// A cloud that is given as such, or by its points.

@@ -6,9 +6,12 @@ use pyo3::prelude::*;
 
 mod arguments;
 mod cloud;
+mod configuration;
 mod features;
 mod objective;
 mod registration;
+mod scan;
+mod tuner;
 mod waveforms;
 
 /// The compiled half of the package `echoloop`.
@@ -22,6 +25,10 @@ mod _native {
     use crate::objective::{Infeasible, Objective};
     #[pymodule_export]
     use crate::registration::{Registration, Target, register};
+    #[pymodule_export]
+    use crate::scan::{Scene, Sensor, scan};
+    #[pymodule_export]
+    use crate::tuner::{Tuner, Worker};
     #[pymodule_export]
     use crate::waveforms::{Detector, find_echoes};
 }

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use echoloop_closed_loop::config::load;
 use echoloop_closed_loop::external_search::ExternalSearch;
 use echoloop_closed_loop::parameters::values_json;
 use echoloop_closed_loop::prepared::{PairSet, Preparation, Prepared};
@@ -12,7 +11,8 @@ use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arguments::value;
+use crate::arguments::{failed, value};
+use crate::configuration::{configuration, json, written};
 
 pyo3::create_exception!(
     echoloop,
@@ -46,26 +46,13 @@ impl Objective {
         let known = PairSet::ALL.into_iter().find(|set| set.name() == pairs);
         let expected = || format!("expected one of {}, found {pairs:?}", PairSet::NAMES.join(", "));
         let which = known.ok_or_else(|| value("pairs", expected()))?;
-        let mut overrides = Vec::new();
-        for (key, setting) in settings.iter().flat_map(|settings| settings.iter()) {
-            let key: String = key.extract()?;
-            let text = match setting.extract::<String>() {
-                Ok(word) => word,
-                Err(_) => json(py, "dumps", &setting)?.extract()?,
-            };
-            let setting = format!("{key}={text}").parse();
-            overrides.push(setting.map_err(|problem: String| value(&key, problem))?);
-        }
-        let failed = |error: &dyn std::fmt::Display| PyValueError::new_err(error.to_string());
+        let config = configuration(settings, config.as_deref())?;
         py.detach(|| {
-            let config = load(config.as_deref(), &overrides).map_err(|error| failed(&error))?;
             let sensors = Sensors::in_process(Model::from(&config));
-            let preparation =
-                Preparation::new(config, sensors, &|_| ()).map_err(|error| failed(&error))?;
-            let prepared =
-                preparation.traced_for(which, &|_, _| ()).map_err(|error| failed(&error))?;
+            let preparation = Preparation::new(config, sensors, &|_| ()).map_err(failed)?;
+            let prepared = preparation.traced_for(which, &|_, _| ()).map_err(failed)?;
             let search = ExternalSearch::new(&prepared, which, &|| ());
-            let start = search.map_err(|error| failed(&error))?.started();
+            let start = search.map_err(failed)?.started();
             Ok(Self { prepared, which, start })
         })
     }
@@ -74,15 +61,13 @@ impl Objective {
     /// words or None.
     #[getter]
     fn axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let axes = &self.search().greeting()["axes"];
-        json(py, "loads", axes.to_string().into_pyobject(py)?.as_any())
+        written(py, &self.search().greeting()["axes"])
     }
 
     /// Parameters of the configuration, with which a search begins, by name in their units.
     #[getter]
     fn start<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let values = values_json(&self.prepared.start.values(&self.prepared.config));
-        json(py, "loads", values.to_string().into_pyobject(py)?.as_any())
+        written(py, &values_json(&self.prepared.start.values(&self.prepared.config)))
     }
 
     /// The same as a point of the unit cube of the axes.
@@ -108,7 +93,7 @@ impl Objective {
             false => py.import("builtins")?.call_method1("list", (candidate,))?,
         };
         line.set_item(if is_dict { "parameters" } else { "point" }, given)?;
-        let line: String = json(py, "dumps", line.as_any())?.extract()?;
+        let line = json(line.as_any())?;
         let answer = py.detach(|| self.search().answer_to(&line));
         let answer = answer.map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
         if let Some(problem) = answer["infeasible"].as_str() {
@@ -117,7 +102,7 @@ impl Objective {
         if let Some(problem) = answer["error"].as_str() {
             return Err(value("candidate", problem));
         }
-        json(py, "loads", answer.to_string().into_pyobject(py)?.as_any())
+        written(py, &answer)
     }
 
     /// Fitness of a candidate, smaller is better; infinite if it is infeasible.
@@ -144,17 +129,4 @@ impl Objective {
     fn search(&self) -> ExternalSearch<'_> {
         ExternalSearch::against(&self.prepared, self.which, self.start.clone())
     }
-}
-
-/// `json.dumps` or `json.loads` of Python; numbers of numpy are written as floats.
-fn json<'py>(
-    py: Python<'py>,
-    function: &str,
-    given: &Bound<'py, PyAny>,
-) -> PyResult<Bound<'py, PyAny>> {
-    let keywords = PyDict::new(py);
-    if function == "dumps" {
-        keywords.set_item("default", py.import("builtins")?.getattr("float")?)?;
-    }
-    py.import("json")?.call_method(function, (given,), Some(&keywords))
 }

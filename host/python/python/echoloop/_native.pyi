@@ -3,7 +3,18 @@ from typing import Any, Literal, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .typing import Axis, Candidate, DetectedEchoes, FoundEchoes, Method, Path, Points
+from .typing import (
+    Axis,
+    Candidate,
+    DetectedEchoes,
+    FoundEchoes,
+    Method,
+    Path,
+    Points,
+    Progress,
+    Result,
+    Task,
+)
 
 __all__ = [
     "Cloud",
@@ -11,13 +22,18 @@ __all__ = [
     "Infeasible",
     "Objective",
     "Registration",
+    "Scene",
+    "Sensor",
     "Target",
+    "Tuner",
+    "Worker",
     "estimate_normals",
     "find_echoes",
     "fpfh",
     "match_features",
     "read_cloud",
     "register",
+    "scan",
     "voxel_downsample",
     "write_cloud",
 ]
@@ -112,6 +128,57 @@ class Objective:
     def __call__(self, candidate: Candidate) -> float: ...
     def __len__(self) -> int: ...
 
+@final
+class Scene:
+    def __new__(
+        cls,
+        settings: dict[str, Any] | None = None,
+        *,
+        config: Path | None = None,
+        town: int | None = None,
+    ) -> Scene: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def vertices(self) -> NDArray[np.float32]: ...
+    @property
+    def triangles(self) -> NDArray[np.uint32]: ...
+
+@final
+class Sensor:
+    def __new__(
+        cls, settings: dict[str, Any] | None = None, *, config: Path | None = None
+    ) -> Sensor: ...
+
+@final
+class Tuner:
+    def __new__(
+        cls, run: Path, settings: dict[str, Any] | None = None, *, config: Path | None = None
+    ) -> Tuner: ...
+    def ask(self, most: int | None = None) -> list[Task]: ...
+    def tell(self, result: Result) -> bool: ...
+    def worker(self) -> Worker: ...
+    @property
+    def done(self) -> bool: ...
+    @property
+    def progress(self) -> Progress: ...
+    @property
+    def result(self) -> dict[str, Any] | None: ...
+
+@final
+class Worker:
+    def __new__(
+        cls, settings: dict[str, Any] | None = None, *, config: Path | None = None
+    ) -> Worker: ...
+    def work(self, task: Task) -> Result: ...
+
+def scan(
+    scene: Scene,
+    sensor: Sensor,
+    world_from_sensor: NDArray[Any] | None = None,
+    *,
+    seed: int | None = None,
+) -> tuple[Cloud, NDArray[np.float64]]: ...
 def register(
     target: Points,
     source: Points,

@@ -63,3 +63,35 @@ class Axis(TypedDict):
 
 Candidate = Union[dict[str, Any], Sequence[float], NDArray[np.float64]]
 """Parameters by name, or a point of the unit cube of the axes."""
+
+
+class Search(TypedDict):
+    """Search that a task is of: its version, configuration and traced scans."""
+
+    program: str
+    configuration: str
+    scans: str
+
+
+class Task(TypedDict):
+    """Task of a Tuner: a pair to scan with a candidate's settings, and to register."""
+
+    task: int
+    search: Search
+    scan: dict[str, Any]
+
+
+class Result(TypedDict):
+    """Result of a task."""
+
+    task: int
+    search: Search
+    result: dict[str, Any]
+
+
+class Progress(TypedDict):
+    """Registrations of a part of a search: how many there are, and how many are done."""
+
+    stage: str
+    of: int
+    done: int
