@@ -62,6 +62,9 @@ fn tested(root: &Path) -> Result<()> {
     let allowed = ["--allowlist", "tests/stubtest_allow.txt"];
     run(&[&["mypy.stubtest", "echoloop", "--concise"], &allowed[..]].concat())?;
     run(&["mypy", "--cache-dir", &cache])?;
+    // Pyright itself, with Node.js in its wheel: that of the name fetches it when it runs.
+    let interpreter = python.display().to_string();
+    run(&["basedpyright", "--level", "error", "--pythonpath", &interpreter])?;
     run(&["pytest", "--quiet", "-p", "no:cacheprovider"])
 }
 
