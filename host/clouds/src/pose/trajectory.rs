@@ -2,13 +2,17 @@
 
 use std::path::Path;
 
-use echoloop_files::{FileError, MOST_TEXT, one_line, read_text};
+use echoloop_files::{FileError, one_line, read_text};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 
 use super::{Pose, from_rows, to_rows};
 
 /// Largest difference of a quaternion's length from 1.
 const UNIT_TOLERANCE: f64 = 1e-3;
+
+/// Most bytes of a trajectory: some 100,000 poses as KITTI writes them. Its longest drive has
+/// 5,000.
+const MOST_POSES: u64 = 16 << 20;
 
 /// A pose of a trajectory, and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +47,7 @@ pub fn to_kitti<'a>(poses: impl IntoIterator<Item = &'a Pose>) -> String {
 ///
 /// [`FileError`] names the file, the line, what was found, and what was expected.
 pub fn read_trajectory(path: &Path) -> Result<Vec<Stamped>, FileError> {
-    let text = read_text(path, MOST_TEXT).map_err(FileError::io(path))?;
+    let text = read_text(path, MOST_POSES).map_err(FileError::io(path))?;
     parse_trajectory(path, &text)
 }
 
@@ -146,6 +150,17 @@ mod tests {
             }
         }
         assert_eq!(parse("# a\n0 0 0 0 0 0 0 1\n").unwrap()[0].line, 2);
+    }
+
+    #[test]
+    fn a_drive_as_long_as_kitti_s_longest_is_read() {
+        let row = "1.000000e+00 9.043680e-12 2.326809e-11 5.551115e-17 9.043683e-12 1.000000e+00 \
+                   2.392370e-10 3.330669e-16 2.326810e-11 2.392370e-10 9.999999e-01 \
+                   -4.440892e-16\n";
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("02.txt");
+        std::fs::write(&path, row.repeat(4661)).unwrap();
+        assert_eq!(read_trajectory(&path).unwrap().len(), 4661);
     }
 
     #[test]
