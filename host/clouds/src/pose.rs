@@ -14,6 +14,9 @@ pub type Pose = Isometry3<f64>;
 /// Largest entry of `RᵀR - I` allowed in a rotation from a file: six printed digits, with room.
 const RIGID_TOLERANCE: f64 = 1e-3;
 
+/// Entry of `RᵀR - I` up to which a rotation of `f64` is taken as it is.
+const ROUNDING: f64 = 1e-12;
+
 /// Reason why a 4×4 matrix is not a rigid motion.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NotRigid {
@@ -95,8 +98,11 @@ pub fn from_rows(rows: &[f64; 16]) -> Result<Pose, NotRigid> {
     if rotation.determinant() < 0.0 {
         return Err(NotRigid::Mirrors);
     }
-    let rotation =
+    let mut rotation =
         UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    if miss > ROUNDING {
+        rotation.renormalize(); // of few digits the quaternion is not of length 1
+    }
     let translation = Translation3::new(rows[3], rows[7], rows[11]);
     Ok(Pose::from_parts(translation, rotation))
 }
@@ -163,6 +169,16 @@ mod tests {
         assert_eq!(with(12, 0.5), Err(NotRigid::LastRow));
         assert_eq!(with(0, -1.0), Err(NotRigid::Mirrors));
         assert_eq!(with(0, 2.0), Err(NotRigid::NotOrthonormal(3.0)));
+    }
+
+    #[test]
+    fn a_rotation_of_few_digits_is_made_orthonormal() {
+        let exact = pose([300.0, -20.0, 4.0, 0.3, -0.2, 1.1]);
+        let few = from_rows(&to_rows(&exact).map(|entry| (entry * 1e4).round() / 1e4)).unwrap();
+        let rotation: Matrix3<f64> = few.rotation.to_rotation_matrix().into_inner();
+        let miss = (rotation.transpose() * rotation - Matrix3::identity()).amax();
+        assert!(miss < 1e-15, "{miss}");
+        assert!(rotation_error_deg(&few, &exact) < 0.01);
     }
 
     proptest! {
