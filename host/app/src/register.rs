@@ -40,13 +40,15 @@ pub(crate) struct RegisterArgs {
     pub(super) target: PathBuf,
     /// The cloud that moves.
     source: Option<PathBuf>,
-    /// Register consecutive scans of the folder TARGET, each to the one before it.
+    /// Register consecutive scans of the folder TARGET, or of its velodyne/, each to the one before
+    /// it.
     #[arg(long, conflicts_with = "source")]
     pub(super) sequence: bool,
     /// Page of many pairs: each with its errors, and the worst in three dimensions (HTML).
     #[arg(long, value_name = "FILE", conflicts_with = "source")]
     pub(super) report: Option<PathBuf>,
-    /// True poses of the scans, TUM or KITTI, one a scan.
+    /// True poses of the scans, TUM or KITTI, one a scan; of the camera, if TARGET has KITTI's
+    /// calib.txt.
     #[arg(long, value_name = "FILE", requires = "sequence")]
     pub(super) truth: Option<PathBuf>,
     /// Metres per unit of the clouds' files, as 0.001 for millimetres; of TARGET and SOURCE, if

@@ -10,8 +10,7 @@ use super::progress::Progress;
 use super::register::RegisterArgs;
 use echoloop_closed_loop::run_folder::files::Output;
 use echoloop_closed_loop::search::Observer;
-use echoloop_clouds::Pose;
-use echoloop_clouds::pose::{read_trajectory, to_kitti};
+use echoloop_clouds::pose::to_kitti;
 use echoloop_files::say;
 use echoloop_folders::{Batch, CSV_HEADING, Kept, PairFiles, Record, Tally, sequence, worst};
 use echoloop_registration::pair::Request;
@@ -33,7 +32,8 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
     let (pairs, request) = (pairs.map_err(Failure::usage)?, args.request());
     let has_initial = pairs.iter().any(|pair| pair.initial.is_some());
     request.check(has_initial).map_err(Failure::usage)?;
-    let truths = args.truth.as_deref().map(|path| truths(path, &pairs)).transpose()?;
+    let truths = |poses| sequence::truths(&args.target, poses, pairs.len());
+    let truths = args.truth.as_deref().map(truths).transpose().map_err(Failure::usage)?;
     let settings = settings(&request, args);
     let open = |folder| Kept::open(folder, &settings).map_err(Failure::usage);
     let mut kept = args.output.as_deref().map(open).transpose()?;
@@ -79,16 +79,6 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
         0 => Ok(()),
         untried => Err(Failure::usage(format!("{untried} pairs could not be tried"))),
     }
-}
-
-/// Truth of consecutive scans by the poses of a trajectory.
-fn truths(path: &Path, pairs: &[PairFiles]) -> Result<Vec<Pose>, Failure> {
-    let poses = read_trajectory(path).map_err(Failure::usage)?;
-    let poses: Vec<Pose> = poses.into_iter().map(|stamped| stamped.pose).collect();
-    sequence::truths(&poses, pairs.len()).ok_or_else(|| {
-        let (path, scans) = (path.display(), pairs.len() + 1);
-        Failure::usage(format!("{path}: expected {scans} poses, one a scan, found {}", poses.len()))
-    })
 }
 
 /// The same text for the same registration.

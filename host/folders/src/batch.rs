@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use echoloop_clouds::pose::read_pose;
-use echoloop_clouds::{Cloud, Pose, Recorded, read_points, read_recorded, write_recorded};
-use echoloop_registration::pair::{Request, in_one_frame};
+use echoloop_clouds::{Cloud, Pose, Recorded, write_recorded};
+use echoloop_registration::pair::Request;
 use rayon::prelude::*;
 
 use crate::kept::{Kept, KeptError};
@@ -90,14 +90,7 @@ impl Batch<'_> {
 
     /// Target and source in one frame; the source with all columns, if it is to be written.
     fn read(&self, index: usize, whole: bool) -> Result<(Recorded, Recorded), String> {
-        let pair = &self.pairs[index];
-        let read = if whole { read_recorded } else { read_points };
-        let (mut target, _) = read_points(&pair.target).map_err(|error| error.to_string())?;
-        let (mut source, _) = read(&pair.source).map_err(|error| error.to_string())?;
-        target.scale(self.scales[0]);
-        source.scale(self.scales[1]);
-        in_one_frame(&target, &mut source);
-        Ok((target, source))
+        self.pairs[index].read(self.scales, whole).map_err(|error| error.to_string())
     }
 
     fn record(&self, index: usize, laid: Option<PathBuf>) -> Record {

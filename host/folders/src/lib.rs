@@ -4,17 +4,21 @@
 //! |---|---|
 //! | list the pairs of a folder or of a table, or consecutive scans | [`PairFiles`] |
 //! | register them on all cores, in order | [`Batch::run`] |
+//! | judge those whose truth is known, KITTI's sequences too | [`KnownPairs`] |
 //! | keep what is done, and go on later | [`Kept`] |
 //! | chain consecutive scans to a trajectory | [`sequence`] |
 //! | write a line of each pair, and how many succeed | [`Record`], [`Tally`] |
 
 mod batch;
 mod kept;
+mod kitti;
+mod known;
 mod list;
 mod record;
 pub mod sequence;
 
 pub use batch::Batch;
 pub use kept::{Kept, KeptError};
+pub use known::{KnownError, KnownPair, KnownPairs, Tried};
 pub use list::{ListError, PairFiles};
 pub use record::{CSV_HEADING, Record, Tally, worst};

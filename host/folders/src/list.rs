@@ -5,7 +5,12 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use echoloop_clouds::{is_readable, read_extensions};
+use echoloop_clouds::{
+    CloudError, Recorded, is_readable, read_extensions, read_points, read_recorded,
+};
+use echoloop_registration::pair::in_one_frame;
+
+use crate::kitti;
 
 /// Files of a pair.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,13 +67,14 @@ impl PairFiles {
     /// Consecutive scans of a folder, in the order of their names: each is the source of a pair
     /// whose target is the one before it. A pair has the name of its source. Of files of several
     /// formats those of the most frequent one are the scans: a list of poses may lie beside them.
+    /// A folder without scans may have them in KITTI's `velodyne`.
     ///
     /// # Errors
     ///
     /// [`ListError`], of fewer than two clouds.
     pub fn consecutive(folder: &Path) -> Result<Vec<Self>, ListError> {
         let fail = |what| ListError { path: folder.to_owned(), what };
-        let scans = most_alike(clouds(folder).map_err(|error| fail(error.to_string()))?);
+        let scans = kitti::scans(folder).map_err(|error| fail(error.to_string()))?;
         let pair = |two: &[PathBuf]| Self {
             name: stem(&two[1]),
             target: two[0].clone(),
@@ -82,6 +88,27 @@ impl PairFiles {
         }
     }
 
+    /// Target and source in one frame; the source with all columns, if it is `whole`. `scales` are
+    /// metres per unit of their files.
+    ///
+    /// # Errors
+    ///
+    /// [`CloudError`] names the file.
+    pub fn read(&self, scales: [f64; 2], whole: bool) -> Result<(Recorded, Recorded), CloudError> {
+        let read = if whole { read_recorded } else { read_points };
+        let ((mut target, _), (mut source, _)) = (read_points(&self.target)?, read(&self.source)?);
+        target.scale(scales[0]);
+        source.scale(scales[1]);
+        in_one_frame(&target, &mut source);
+        Ok((target, source))
+    }
+
+    /// The reason why a pair cannot be judged that has no file of its truth.
+    pub(crate) fn without_truth(&self) -> String {
+        let (target, name) = (self.target.display(), &self.name);
+        format!("{target}: expected its truth, in {name}{TRUTH} or in the table's column truth")
+    }
+
     /// Scans of consecutive pairs, in their order.
     pub fn scans(pairs: &[Self]) -> impl Iterator<Item = &Path> {
         let first = pairs.first().map(|pair| &*pair.target);
@@ -89,12 +116,12 @@ impl PairFiles {
     }
 }
 
-fn kinds() -> String {
+pub(crate) fn kinds() -> String {
     format!("{} files", read_extensions())
 }
 
 /// Files of clouds in a folder, by name.
-fn clouds(folder: &Path) -> io::Result<Vec<PathBuf>> {
+pub(crate) fn clouds(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut paths = fs::read_dir(folder)?
         .map(|entry| entry.map(|entry| entry.path()))
         .collect::<io::Result<Vec<_>>>()?;
@@ -104,7 +131,7 @@ fn clouds(folder: &Path) -> io::Result<Vec<PathBuf>> {
 }
 
 /// Those of the extension that most have; of the first in the alphabet, if two have as many.
-fn most_alike(paths: Vec<PathBuf>) -> Vec<PathBuf> {
+pub(crate) fn most_alike(paths: Vec<PathBuf>) -> Vec<PathBuf> {
     let extension = |path: &PathBuf| path.extension().unwrap_or_default().to_ascii_lowercase();
     let mut counts = BTreeMap::new();
     paths.iter().for_each(|path| *counts.entry(extension(path)).or_insert(0) += 1);
@@ -112,15 +139,31 @@ fn most_alike(paths: Vec<PathBuf>) -> Vec<PathBuf> {
     paths.into_iter().filter(|path| Some(extension(path)) == most).collect()
 }
 
-fn stem(path: &Path) -> String {
+pub(crate) fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// True when a folder has a half of a pair.
+pub(crate) fn has_pairs(folder: &Path) -> io::Result<bool> {
+    let stems = clouds(folder)?.into_iter().map(|path| stem(&path));
+    let mut halves = stems.filter(|stem| !is_motion(stem));
+    Ok(halves.any(|stem| [TARGET, SOURCE].iter().any(|half| stem.ends_with(half))))
+}
+
+fn is_motion(stem: &str) -> bool {
+    MOTIONS.iter().any(|motion| stem.ends_with(motion))
+}
+
+/// True of a file that is read as a table, by its extension.
+pub(crate) fn is_csv(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
 }
 
 fn of_folder(folder: &Path) -> Result<Vec<PairFiles>, String> {
     let mut halves: BTreeMap<String, [Option<PathBuf>; 2]> = BTreeMap::new();
     for path in clouds(folder).map_err(|error| error.to_string())? {
         let stem = stem(&path);
-        if MOTIONS.iter().any(|motion| stem.ends_with(motion)) {
+        if is_motion(&stem) {
             continue;
         }
         for (half, suffix) in [TARGET, SOURCE].into_iter().enumerate() {
@@ -153,7 +196,7 @@ fn of_folder(folder: &Path) -> Result<Vec<PairFiles>, String> {
 }
 
 fn of_table(path: &Path) -> Result<Vec<PairFiles>, String> {
-    if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
+    if !is_csv(path) {
         return Err("expected a folder of pairs, a table of them (.csv), or a second cloud".into());
     }
     let mut reader = csv::ReaderBuilder::new()
