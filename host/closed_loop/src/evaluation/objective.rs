@@ -175,15 +175,29 @@ impl Scanned {
     ///
     /// A registration that finds nothing returns the identity, its initial guess.
     pub fn register(&self, registration: &ThetaReg) -> (PairError, Pose) {
-        let [first, second] = &self.clouds;
         let initial = Pose::identity();
-        let outcome = match registration.build() {
-            Ok(method) => method.register(first, second, &initial),
-            Err(_) => Outcome::nothing(&initial, StopReason::BadSettings),
-        };
-        let points = [first.points.len(), second.points.len()];
-        (pair_error(self.pair, &outcome, &self.truth, points), outcome.target_from_source)
+        register_clouds(registration, self.pair, &self.clouds, &initial, &self.truth)
     }
+}
+
+/// Error of a registration of two clouds, `pair` of their list, from an initial guess; and the
+/// motion found, `first_from_second`.
+///
+/// A registration that finds nothing returns its initial guess.
+pub fn register_clouds(
+    registration: &ThetaReg,
+    pair: usize,
+    clouds: &[Cloud; 2],
+    initial: &Pose,
+    truth: &Pose,
+) -> (PairError, Pose) {
+    let [first, second] = clouds;
+    let outcome = match registration.build() {
+        Ok(method) => method.register(first, second, initial),
+        Err(_) => Outcome::nothing(initial, StopReason::BadSettings),
+    };
+    let points = [first.points.len(), second.points.len()];
+    (pair_error(pair, &outcome, truth, points), outcome.target_from_source)
 }
 
 fn pair_error(pair: usize, outcome: &Outcome, truth: &Pose, points: [usize; 2]) -> PairError {
