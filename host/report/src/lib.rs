@@ -50,7 +50,7 @@ pub use shares::Shares;
 pub use strips::{StripRow, Strips};
 pub use survey::{STILL_PX, SceneReport};
 pub use tables::{FigureCell, FigureRow, FigureTable, TablesPage};
-pub use text_table::{aligned, pair_errors_csv};
+pub use text_table::{aligned, named_pair_errors_csv, pair_errors_csv};
 
 #[cfg(test)]
 pub(crate) mod tests {

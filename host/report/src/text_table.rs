@@ -1,5 +1,6 @@
 //! Tables as text: errors of pairs as CSV, rows in aligned columns.
 
+use echoloop_closed_loop::evaluation::objective::PairError;
 use echoloop_closed_loop::evaluation::summary::Summary;
 
 /// CSV of named sets, a row for each pair; numbers read back as they are.
@@ -9,6 +10,29 @@ use echoloop_closed_loop::evaluation::summary::Summary;
 /// [`csv::Error`].
 pub fn pair_errors_csv<'a>(
     sets: impl IntoIterator<Item = (&'a str, &'a Summary)>,
+) -> Result<String, csv::Error> {
+    let rows = sets.into_iter().flat_map(|(set, summary)| {
+        summary.errors.iter().map(move |error| (set, error.pair.to_string(), error))
+    });
+    pair_rows(rows)
+}
+
+/// [`pair_errors_csv`] of pairs that have names, one for each error.
+///
+/// # Errors
+///
+/// [`csv::Error`].
+pub fn named_pair_errors_csv(
+    set: &str,
+    names: &[String],
+    summary: &Summary,
+) -> Result<String, csv::Error> {
+    let named = names.iter().zip(&summary.errors);
+    pair_rows(named.map(|(name, error)| (set, name.clone(), error)))
+}
+
+fn pair_rows<'a>(
+    rows: impl Iterator<Item = (&'a str, String, &'a PairError)>,
 ) -> Result<String, csv::Error> {
     let mut table = csv::Writer::from_writer(Vec::new());
     table.write_record([
@@ -22,11 +46,9 @@ pub fn pair_errors_csv<'a>(
         "iterations",
         "stop",
     ])?;
-    for (set, summary) in sets {
-        for e in &summary.errors {
-            let numbers = (e.pair, e.translation_m, e.rotation_deg, e.frobenius);
-            table.serialize((set, numbers, e.points, e.iterations, &e.stop))?;
-        }
+    for (set, pair, e) in rows {
+        let numbers = (pair, e.translation_m, e.rotation_deg, e.frobenius);
+        table.serialize((set, numbers, e.points, e.iterations, &e.stop))?;
     }
     finished(table)
 }
