@@ -1,12 +1,14 @@
 //! `echoloop evaluate`.
 
+use std::ffi::OsString;
 use std::fmt::Display;
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueHint};
 
 use super::axis_flags::AxisFlags;
 use super::common::{Setup, TableFormat, on_threads};
+use super::evaluate_files;
 use super::exit::{self, Failure};
 use super::method_choice::MethodChoice;
 use super::prepared::{connect, percent, require_recall, traced_for};
@@ -25,7 +27,7 @@ use echoloop_report::pair_errors_csv;
 #[derive(Clone, Debug, Args)]
 pub(crate) struct EvaluateArgs {
     #[command(flatten)]
-    setup: Setup,
+    pub(super) setup: Setup,
     #[command(flatten)]
     method: MethodChoice,
     /// JSON file with {"parameters": {"lidar.power": 50, "lidar.timing": "cfd", …}} laid over the
@@ -36,26 +38,51 @@ pub(crate) struct EvaluateArgs {
     /// line: {"parameters": {…}}, or {"point": […]} of the unit cube of the axes, which the first
     /// line out lists. The scenes are traced once.
     #[arg(long, conflicts_with_all = ["candidate", "require_recall", "format"])]
-    stream: bool,
+    pub(super) stream: bool,
     #[command(flatten)]
     axes: AxisFlags,
     /// A row for each pair instead of text.
     #[arg(long, value_enum, conflicts_with = "json")]
-    format: Option<TableFormat>,
-    /// Set of pairs [default: test; with --candidate or --stream train: a search that sees the test
-    /// pairs cannot be judged on them].
-    #[arg(long)]
-    pairs: Option<PairSet>,
+    pub(super) format: Option<TableFormat>,
+    /// Set of pairs, train or test, or a path [default: test; with --candidate or --stream train: a
+    /// search that sees the test pairs cannot be judged on them].
+    ///
+    /// A path is of clouds with their truth, which judge the registration alone: a folder of pairs,
+    /// as `echoloop pairs` writes it; a table, CSV with columns target, source and truth; or a
+    /// sequence of scans with poses, as KITTI has them, of which pairs are drawn data.baseline_m
+    /// apart.
+    #[arg(long, value_name = "train|test|PATH", value_hint = ValueHint::AnyPath)]
+    pairs: Option<Judged>,
     /// Exit with 4 when the recall is below this, percent.
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
-    require_recall: Option<f64>,
+    pub(super) require_recall: Option<f64>,
+}
+
+/// Pairs to judge on.
+#[derive(Clone, Debug)]
+enum Judged {
+    /// Traced ones.
+    Set(PairSet),
+    /// Those of a folder, a table or a sequence.
+    Files(PathBuf),
+}
+
+impl From<OsString> for Judged {
+    /// A set's name is never a path.
+    fn from(given: OsString) -> Self {
+        let set = PairSet::ALL.into_iter().find(|set| set.name() == given);
+        set.map_or_else(|| Self::Files(given.into()), Self::Set)
+    }
 }
 
 pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let own = args.method.overrides().into_iter().chain(args.axes.overrides()?);
     let config = args.setup.source.load(own.collect())?;
     let values = args.candidate.as_deref().map(read_candidate).transpose()?.unwrap_or_default();
-    on_threads(args.setup.common.threads, || judge(args, config, &values))?
+    on_threads(args.setup.common.threads, || match &args.pairs {
+        Some(Judged::Files(path)) => evaluate_files::run(args, path, &config, &values),
+        _ => judge(args, config, &values),
+    })?
 }
 
 impl EvaluateArgs {
@@ -64,11 +91,14 @@ impl EvaluateArgs {
     fn pairs(&self) -> PairSet {
         let usual =
             if self.candidate.is_some() || self.stream { PairSet::Train } else { PairSet::Test };
-        self.pairs.unwrap_or(usual)
+        match self.pairs {
+            Some(Judged::Set(set)) => set,
+            _ => usual,
+        }
     }
 
     /// A refusal of the parameters, with the file they come from.
-    fn refused(&self, problem: impl Display) -> Failure {
+    pub(super) fn refused(&self, problem: impl Display) -> Failure {
         match &self.candidate {
             Some(path) => Failure::usage(format_args!("{}: {problem}", path.display())),
             None => Failure::usage(problem),
@@ -129,8 +159,13 @@ fn print(
         });
         return exit::print_json(&document);
     }
-    let (pairs, which) = (summary.pairs, args.pairs().name());
-    println!("recall        {:.1} % of {pairs} {which} pairs", summary.recall_pct);
+    print_text(summary, &format!("{} {} pairs", summary.pairs, args.pairs().name()));
+    Ok(())
+}
+
+/// Prints a summary as lines. `of` says of how many and which pairs.
+pub(super) fn print_text(summary: &Summary, of: &str) {
+    println!("recall        {:.1} % of {of}", summary.recall_pct);
     if let (Some(translation), Some(rotation)) =
         (summary.mean_translation_m, summary.mean_rotation_deg)
     {
@@ -142,9 +177,9 @@ fn print(
         summary.median_rotation_deg
     );
     println!("points        {:.0} a scan", summary.mean_points);
-    for (kind, cost) in CostKind::ALL.map(|kind| (kind, summary.cost)) {
-        let value = cost.map_or(f64::NAN, |cost| kind.of(&cost));
-        println!("{:<13} {}", kind.name(), kind.text(value));
+    for kind in CostKind::ALL {
+        if let Some(cost) = &summary.cost {
+            println!("{:<13} {}", kind.name(), kind.text(kind.of(cost)));
+        }
     }
-    Ok(())
 }

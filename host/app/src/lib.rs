@@ -36,6 +36,7 @@ mod config;
 mod difficulty;
 mod echoes;
 mod evaluate;
+mod evaluate_files;
 mod exit;
 mod hints;
 mod interrupt;

@@ -1,9 +1,12 @@
 //! `echoloop register` of many pairs: each as alone, kept as it is done, and named when it fails.
+//! `echoloop evaluate` of the same: judged as traced pairs are.
 
 use std::fs;
 
-use crate::fixture::Fixture;
-use serde_json::Value;
+use crate::fixture::{CommandOutput, Fixture};
+use echoloop_clouds::pose::{Pose, from_rows, read_trajectory, to_kitti};
+use echoloop_clouds::read_cloud;
+use serde_json::{Value, json};
 
 /// Folder `pairs` of three pairs with the truth of each, of a sensor that sees all around.
 fn pairs(fixture: &Fixture) {
@@ -157,4 +160,222 @@ fn what_is_no_list_of_pairs_is_refused() {
     fixture.refuses(&format, &["--format goes with SOURCE"]);
     fixture.write("list.csv", "target,source,initial\na.ply,b.ply,guess.txt\n");
     fixture.refuses(&["register", "list.csv", "--method", "fgr"], &["takes no initial guess"]);
+}
+
+const EVALUATE: [&str; 4] = ["evaluate", "-q", "-c", "small.toml"];
+
+/// Evaluates what lies at a path, and more.
+fn evaluate(fixture: &Fixture, path: &str, more: &[&str]) -> CommandOutput {
+    fixture.run(&[&EVALUATE[..], &["--pairs", path], more].concat())
+}
+
+fn errors(document: &Value) -> &[Value] {
+    document["summary"]["errors"].as_array().expect("errors")
+}
+
+#[test]
+fn written_pairs_are_judged_as_the_traced_ones() {
+    let fixture = Fixture::new();
+    fixture.write("voxel.json", r#"{"parameters": {"registration.voxel_m": 0.5}}"#);
+    for (folder, more) in [
+        ("icp", &["--method", "icp"][..]),
+        ("gicp", &["--method", "gicp", "--candidate", "voxel.json"]),
+        ("fgr", &["--method", "fgr", "--refine"]),
+    ] {
+        let method = &more[..2];
+        fixture.succeed(&[&["pairs", "-q", "-c", "small.toml", "-o", folder], method].concat());
+        let traced = evaluate(&fixture, "test", &[more, &["--json"]].concat()).json();
+        let written = evaluate(&fixture, folder, &[more, &["--json"]].concat()).json();
+        assert_eq!((errors(&traced).len(), errors(&written).len()), (3, 3));
+        for (traced, written) in errors(&traced).iter().zip(errors(&written)) {
+            for key in ["pair", "points", "stop", "iterations", "translation_m"] {
+                assert_eq!(traced[key], written[key], "{key} of {folder}");
+            }
+            // The quaternion of the truth comes back from its matrix.
+            let [traced, written] = [traced, written].map(|error| error["rotation_deg"].as_f64());
+            let [traced, written] = [traced, written].map(|angle| angle.expect("an angle"));
+            assert!((traced - written).abs() < 1e-12, "{folder}: {traced}° and {written}°");
+        }
+        for key in ["recall_pct", "mean_points", "median_translation_m"] {
+            assert_eq!(traced["summary"][key], written["summary"][key], "{key} of {folder}");
+        }
+        assert_eq!(
+            (&written["pairs"], &written["names"]),
+            (&json!(folder), &json!(["000", "001", "002"]))
+        );
+        assert_eq!(written["parameters"]["lidar.power"], Value::Null, "no sensor is judged");
+        let voxel = "registration.voxel_m";
+        assert_eq!(written["parameters"][voxel], traced["parameters"][voxel]);
+        assert!(written["summary"]["cost"].is_null() && written["set"].is_null());
+    }
+    let text = evaluate(&fixture, "icp", &[]);
+    assert!(text.stdout.contains(" % of 3 pairs of icp\n"), "{}", text.stdout);
+    assert!(text.stdout.ends_with(" a scan\n"), "no costs: {}", text.stdout);
+    let rows = evaluate(&fixture, "icp", &["--format", "csv"]).stdout;
+    let first: Vec<&str> = rows.lines().map(|row| row.rsplit_once(',').expect("a row").0).collect();
+    assert!(first[0].starts_with("set,pair,translation_m") && first[3].starts_with("icp,002,"));
+    // A set's name is not a path.
+    fs::rename(fixture.path("icp"), fixture.path("test")).expect("renamed");
+    let set = evaluate(&fixture, "test", &[]);
+    assert!(set.stdout.contains(" % of 3 test pairs\n"), "{}", set.stdout);
+    // Bounds that nothing is within.
+    let strict = ["--set", "data.success_translation_m=1e-9", "--require-recall", "1"];
+    assert_eq!(evaluate(&fixture, "./test", &strict).code, Some(4));
+}
+
+#[test]
+fn a_pair_that_cannot_be_judged_is_named_and_the_others_are_judged() {
+    let fixture = Fixture::new();
+    fixture.succeed(&["pairs", "-q", "-c", "small.toml", "-o", "pairs"]);
+    let whole = evaluate(&fixture, "pairs", &["--json"]).json();
+    fixture.write("pairs/001_source.ply", "no cloud");
+    fs::remove_file(fixture.path("pairs/000_target_from_source.txt")).expect("the truth");
+    let told = evaluate(&fixture, "pairs", &["--json", "--require-recall", "100"]);
+    assert_eq!(told.code, Some(2), "{}", told.stderr);
+    let truth = "not tried: 000: pairs/000_target.ply: expected its truth, in 000_target_from_";
+    for said in [truth, "not tried: 001: pairs/001_source.ply: ", "2 pairs could not be tried"] {
+        assert!(told.stderr.contains(said), "{}", told.stderr);
+    }
+    let left: Value = serde_json::from_str(&told.stdout).expect("a document");
+    assert_eq!((&left["names"], errors(&left)), (&json!(["002"]), &errors(&whole)[2..]));
+    fs::remove_file(fixture.path("pairs/002_target_from_source.txt")).expect("the truth");
+    let none = evaluate(&fixture, "pairs", &["--json"]);
+    assert_eq!((none.code, &*none.stdout), (Some(2), ""));
+    assert!(none.stderr.contains("no pair could be tried"), "{}", none.stderr);
+    // A table has its truths where it says.
+    let row = "a,pairs/002_target.ply,pairs/002_source.ply,truth.txt\n";
+    fixture.write("list.csv", format!("name,target,source,truth\n{row}"));
+    fixture.write("truth.txt", "1 0 0 9 0 1 0 0 0 0 1 0\n");
+    let table = evaluate(&fixture, "list.csv", &["--json"]).json();
+    let far = errors(&table)[0]["translation_m"].as_f64().expect("an error");
+    assert!(far > 8.0, "the scans are half a metre apart, and the table says 9: {far}");
+}
+
+#[test]
+fn pairs_that_are_neither_a_set_nor_files_are_refused() {
+    let fixture = Fixture::new();
+    fixture.succeed(&["pairs", "-q", "-c", "small.toml", "-o", "pairs"]);
+    fixture.write("power.json", r#"{"parameters": {"lidar.power": 50}}"#);
+    fixture.write("cloud.ply", "");
+    fs::create_dir(fixture.path("empty")).expect("a folder");
+    let refuses = |path: &str, more: &[&str], parts: &[&str]| {
+        fixture.refuses(&[&EVALUATE[..], &["--pairs", path], more].concat(), parts);
+    };
+    refuses("tset", &[], &["'tset'", "expected train, test, or the path of a folder of pairs"]);
+    refuses("cloud.ply", &[], &["cloud.ply: expected a folder of pairs, a table of them"]);
+    refuses("empty", &[], &["empty: expected NAME_target.*", "or scans, here or in velodyne/"]);
+    refuses("pairs", &["--stream"], &["--stream goes with --pairs train or test", "pairs"]);
+    refuses("pairs", &["--sensor", "qemu"], &["--sensor goes with --pairs train or test"]);
+    let candidate = ["--candidate", "power.json"];
+    refuses("pairs", &candidate, &["power.json: lidar.power is of the sensor", "made already"]);
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_evaluation_says_how_many_are_done_and_gives_no_summary() {
+    use std::io::{BufRead, BufReader, Read};
+    use std::process::{Command, Stdio};
+
+    let fixture = Fixture::new();
+    fixture.succeed(&["pairs", "-q", "-c", "small.toml", "-o", "p"]);
+    let row = "p/000_target.ply,p/000_source.ply,p/000_target_from_source.txt\n";
+    fixture.write("many.csv", format!("target,source,truth\n{}", row.repeat(3000)));
+    let many = ["evaluate", "-c", "small.toml", "--pairs", "many.csv", "--threads", "1"];
+    let mut child = fixture.command(&many);
+    let mut child =
+        child.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("echoloop starts");
+    let mut said = BufReader::new(child.stderr.take().expect("a pipe"));
+    let mut line = String::new();
+    said.read_line(&mut line).expect("a line");
+    assert!(line.contains("judging"), "{line}");
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(killed.expect("kill runs").success());
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).expect("the rest");
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!((output.status.code(), &*output.stdout), (Some(130), &b""[..]), "{rest}");
+    assert!(rest.contains("interrupted; ") && rest.contains(" pairs are done"), "{rest}");
+}
+
+/// `camera_from_velodyne`: z ahead and y down, 0.3 m before the velodyne and 0.1 m below it.
+const TR: &str = "0 -1 0 0 0 0 -1 -0.1 1 0 0 -0.3";
+
+/// Six scans along a bend, `own` as `scan --trajectory` writes them but as KITTI's `.bin`, and
+/// `kitti/sequences/07` with poses of a camera.
+fn drives(fixture: &Fixture) {
+    let way: String = (0..6u8)
+        .map(|n| {
+            let (n, half) = (f64::from(n), f64::from(n) * 0.02);
+            format!(
+                "{n} {} {} 2 0 0 {} {}\n",
+                1.0 + 0.3 * n,
+                2.0 + 0.05 * n,
+                half.sin(),
+                half.cos()
+            )
+        })
+        .collect();
+    fixture.write("way.tum", way);
+    let dense = ["scanner.columns=360", "scanner.rows=48", "scanner.azimuth_deg=360"];
+    let dense: Vec<&str> = dense.into_iter().flat_map(|key| ["--set", key]).collect();
+    let scan = ["scan", "-q", "-c", "small.toml", "--trajectory", "way.tum", "-o", "own"];
+    fixture.succeed(&[&scan[..], &dense].concat());
+    fs::create_dir_all(fixture.path("kitti/sequences/07/velodyne")).expect("folders");
+    fs::create_dir(fixture.path("kitti/poses")).expect("a folder");
+    for n in 0..6 {
+        let ply = fixture.path(&format!("own/{n:06}.ply"));
+        let (cloud, _) = read_cloud(&ply).expect("a scan");
+        let numbers = cloud.points.iter().flat_map(|at| [at.x, at.y, at.z, 0.5]);
+        let bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
+        fixture.write(&format!("own/{n:06}.bin"), &bytes);
+        fixture.write(&format!("kitti/sequences/07/velodyne/{n:06}.bin"), &bytes);
+        fs::remove_file(ply).expect("removed");
+    }
+    let tr: Vec<f64> = TR.split(' ').map(|number| number.parse().expect("a number")).collect();
+    let rows = [&tr[..], &[0.0, 0.0, 0.0, 1.0]].concat().try_into().expect("16 numbers");
+    let camera_from_velodyne = from_rows(&rows).expect("rigid");
+    let own = read_trajectory(&fixture.path("own/poses.txt")).expect("poses");
+    let of_camera: Vec<Pose> =
+        own.iter().map(|velodyne| velodyne.pose * camera_from_velodyne.inverse()).collect();
+    let first = of_camera[0];
+    let poses = of_camera.iter().map(|pose| first.inv_mul(pose)).collect::<Vec<_>>();
+    fixture.write("kitti/poses/07.txt", to_kitti(&poses));
+    fixture.write("kitti/sequences/07/calib.txt", format!("P0: 7 0 0\nTr: {TR}\n"));
+    fixture.write("kitti/sequences/07/times.txt", "0\n1\n2\n3\n4\n5\n");
+}
+
+#[test]
+fn a_sequence_in_kitti_s_layout_is_judged_by_its_camera_s_poses() {
+    let fixture = Fixture::new();
+    drives(&fixture);
+    let kitti = "kitti/sequences/07";
+    let own = evaluate(&fixture, "own", &["--json"]).json();
+    let of_camera = evaluate(&fixture, kitti, &["--json"]).json();
+    // 0.3 m from scan to scan, and data.baseline_m = 0.5.
+    let names = json!(["000000-000002", "000003-000005"]);
+    assert_eq!((&own["names"], &of_camera["names"]), (&names, &names));
+    for (own, of_camera) in errors(&own).iter().zip(errors(&of_camera)) {
+        let [own, of_camera] = [own, of_camera].map(|error| error["frobenius"].as_f64());
+        let (own, of_camera) = (own.expect("an error"), of_camera.expect("an error"));
+        assert!((own - of_camera).abs() < 1e-9, "{own} and {of_camera}");
+        assert!(own < 0.05, "{own}");
+    }
+    let far = evaluate(&fixture, kitti, &["--json", "--set", "data.baseline_m=1.2"]).json();
+    assert_eq!(far["names"], json!(["000000-000004"]));
+    // One by one, register finds the same truth.
+    let poses = ["--truth", "kitti/poses/07.txt"];
+    let told = fixture.succeed(
+        &[&["register", kitti, "--sequence", "--json", "--method", "icp"][..], &poses].concat(),
+    );
+    let records = lines(&told.stdout);
+    assert_eq!(records.len(), 5);
+    let near = |record: &Value| record["translation_error_m"].as_f64() < Some(0.05);
+    assert!(records.iter().all(near), "{}", told.stdout);
+    fixture.write("kitti/sequences/07/calib.txt", "P0: 7 0 0\n");
+    let named = ["07/calib.txt: expected a line Tr: with camera_from_velodyne, found P0"];
+    fixture.refuses(&[&EVALUATE[..], &["--pairs", kitti]].concat(), &named);
+    fixture.refuses(&[&["register", kitti, "--sequence"][..], &poses].concat(), &named);
+    fs::remove_file(fixture.path("kitti/poses/07.txt")).expect("removed");
+    let missing = ["expected a pose of each scan in", "07/poses.txt or", "poses/07.txt"];
+    fixture.refuses(&[&EVALUATE[..], &["--pairs", kitti]].concat(), &missing);
 }
