@@ -1,9 +1,8 @@
 //! Points of a scan that the other is asked about, and its answers.
 
-use std::collections::{HashMap, HashSet};
-
 use nalgebra::{Isometry3, Point3, Vector3};
 use rayon::prelude::*;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::{Overlap, Scene};
 use crate::Pose;
@@ -95,12 +94,12 @@ pub(super) fn probes(
     is_scan: bool,
 ) -> Vec<Probe> {
     let cell = |p: &Point3<f32>, edge_m: f32| [p.x, p.y, p.z].map(|x| (x / edge_m).floor() as i32);
-    let mut taken = HashSet::new();
+    let mut taken = FxHashSet::default();
     let least_m = if is_scan { near_m(unit_m) } else { 0.0 };
     let apart: Vec<Point3<f32>> = echoes
         .filter(|p| p.coords.norm() >= least_m && taken.insert(cell(p, PROBE_UNITS * unit_m)))
         .collect();
-    let mut clusters = HashMap::new();
+    let mut clusters = FxHashMap::default();
     let stride = apart.len().div_ceil(MOST_PROBES).max(1);
     let numbered = apart.into_iter().step_by(stride).map(|at| {
         let range_m = range_m(&at, unit_m, is_scan);

@@ -33,17 +33,20 @@ const LOOKED_AT: usize = 2_000;
 #[derive(Clone, Debug)]
 pub(super) struct Sight {
     cells: Cells,
-    /// Of each cell: nearest and farthest, m.
-    bounds_m: Vec<Option<[f32; 2]>>,
+    /// Of each cell: nearest and farthest, m; [`UNSEEN`].
+    bounds_m: Vec<[f32; 2]>,
     is_scan: bool,
 }
+
+/// Bounds of a cell in which nothing was seen.
+const UNSEEN: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
 impl Sight {
     /// The ranges that a sensor at the origin saw, if there was one, each within three of the
     /// standard deviations that it reports.
     pub(super) fn new(seen: &[Seen], sds_m: Option<&[f32]>, unit_m: f32) -> Self {
         let cells = Cells::within(step_rad(seen));
-        let mut sight = Self { cells, bounds_m: vec![None; cells.len()], is_scan: true };
+        let mut sight = Self { cells, bounds_m: vec![UNSEEN; cells.len()], is_scan: true };
         seen.iter().for_each(|seen| sight.see(&seen.direction, [seen.range_m; 2]));
         let stride = seen.len().div_ceil(LOOKED_AT).max(1);
         let looked_at = seen.iter().step_by(stride);
@@ -63,7 +66,7 @@ impl Sight {
 
     fn see(&mut self, direction: &[f32; 2], within_m: [f32; 2]) {
         let at = self.cells.at(direction);
-        self.bounds_m[at] = merged(self.bounds_m[at], Some(within_m));
+        self.bounds_m[at] = merged(self.bounds_m[at], within_m);
     }
 
     /// True when the cloud is what a sensor at the origin sees: its points do not hide each other.
@@ -78,44 +81,50 @@ impl Sight {
 
     /// The nearest and the farthest range seen around a point's direction, m.
     pub(super) fn bounds_m(&self, point: &Point3<f32>) -> Option<[f32; 2]> {
-        let bounds_m = || self.bounds_m.get(self.cells.at(&direction(point))).copied().flatten();
-        self.is_scan.then(bounds_m).flatten()
+        let bounds_m = || self.of_cell(self.cells.at(&direction(point)));
+        self.is_scan.then(bounds_m).filter(is_seen)
     }
 
     /// True when something was seen nearer than a range in its own cell, in those beside it, and in
     /// the next rows above and below. Before the bounds of neighbours are merged.
     fn is_hidden(&self, direction: &[f32; 2], range_m: f32, unit_m: f32) -> bool {
         let least_m = range_m * (1.0 - HIDDEN_SHARE) - HIDDEN_UNITS * unit_m;
-        let near = |at: usize| {
-            let bounds_m = self.bounds_m.get(at).copied().flatten();
-            bounds_m.is_some_and(|[nearest_m, _]| nearest_m < least_m)
-        };
+        let is_near = |[nearest_m, _]: [f32; 2]| nearest_m < least_m;
         let at = self.cells.at(direction);
         let (row, column) = self.cells.place(at);
-        let is_near = |bounds_m: Option<[f32; 2]>| bounds_m.is_some_and(|[n, _]| n < least_m);
         let [left, own, right] = self.cells.beside(row, column);
-        [left, own, right].into_iter().all(near)
+        [left, own, right].into_iter().all(|at| is_near(self.of_cell(at)))
             && is_near(self.above(row, column))
             && is_near(self.below(row, column))
     }
 
     /// Those of a cell, if it saw something itself, of the cells beside it, and of the nearest rows
     /// above and below in which something was seen; nothing at the edge of the field of view.
-    fn around_m(&self, at: usize) -> Option<[f32; 2]> {
-        self.bounds_m[at]?;
+    fn around_m(&self, at: usize) -> [f32; 2] {
+        if !is_seen(&self.bounds_m[at]) {
+            return UNSEEN;
+        }
         let (row, column) = self.cells.place(at);
-        let (above, below) = (self.above(row, column)?, self.below(row, column)?);
-        [self.of_row(row, column), Some(above), Some(below)].into_iter().fold(None, merged)
+        let (above, below) = (self.above(row, column), self.below(row, column));
+        match is_seen(&above) && is_seen(&below) {
+            true => merged(self.of_row(row, column), merged(above, below)),
+            false => UNSEEN,
+        }
     }
 
     /// Those of the nearest row above in which something was seen.
-    fn above(&self, row: usize, column: usize) -> Option<[f32; 2]> {
-        (1..=self.most_rows()).find_map(|k| self.of_row(row + k, column))
+    fn above(&self, row: usize, column: usize) -> [f32; 2] {
+        self.nearest_row((1..=self.most_rows()).map(|k| row + k), column)
     }
 
     /// Those of the nearest row below.
-    fn below(&self, row: usize, column: usize) -> Option<[f32; 2]> {
-        (1..=self.most_rows()).find_map(|k| self.of_row(row.checked_sub(k)?, column))
+    fn below(&self, row: usize, column: usize) -> [f32; 2] {
+        self.nearest_row((1..=self.most_rows().min(row)).map(|k| row - k), column)
+    }
+
+    /// Those of the first of some rows in which something was seen.
+    fn nearest_row(&self, mut rows: impl Iterator<Item = usize>, column: usize) -> [f32; 2] {
+        rows.find_map(|row| Some(self.of_row(row, column)).filter(is_seen)).unwrap_or(UNSEEN)
     }
 
     /// Number of rows within [`COARSE_DEG`].
@@ -124,17 +133,21 @@ impl Sight {
     }
 
     /// Those of three cells of a row.
-    fn of_row(&self, row: usize, column: usize) -> Option<[f32; 2]> {
-        let cell = |at: usize| self.bounds_m.get(at).copied().flatten();
-        self.cells.beside(row, column).into_iter().map(cell).fold(None, merged)
+    fn of_row(&self, row: usize, column: usize) -> [f32; 2] {
+        self.cells.beside(row, column).map(|at| self.of_cell(at)).into_iter().fold(UNSEEN, merged)
+    }
+
+    fn of_cell(&self, at: usize) -> [f32; 2] {
+        self.bounds_m.get(at).copied().unwrap_or(UNSEEN)
     }
 }
 
-fn merged(a: Option<[f32; 2]>, b: Option<[f32; 2]>) -> Option<[f32; 2]> {
-    match (a, b) {
-        (Some([a, b]), Some([c, d])) => Some([a.min(c), b.max(d)]),
-        (one, other) => one.or(other),
-    }
+fn is_seen([nearest_m, farthest_m]: &[f32; 2]) -> bool {
+    nearest_m <= farthest_m
+}
+
+fn merged(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
+    [a[0].min(b[0]), a[1].max(b[1])]
 }
 
 /// Angle of cells that hold about two points: from the solid angle seen, and the number of points.
