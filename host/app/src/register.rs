@@ -102,7 +102,7 @@ impl RegisterArgs {
 
     pub(super) fn request(&self) -> Request {
         let Self { method, refine, tuned, .. } = *self;
-        Request { method, refine, tuned, given: self.settings.given() }
+        Request { method, refine, tuned, given: self.settings.given(), unchecked: false }
     }
 
     /// Source of one pair.
@@ -163,6 +163,7 @@ fn check(args: &RegisterArgs) -> Result<(), Failure> {
             methods_that(|method| !method.is_rough())
         )),
         RequestError::Given(error) => refused(&error),
+        RequestError::Check => Failure::usage(error),
     })
 }
 

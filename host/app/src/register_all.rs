@@ -83,7 +83,7 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
 
 /// The same text for the same registration.
 fn settings(request: &Request, args: &RegisterArgs) -> String {
-    let Request { method, refine, given, tuned } = request;
+    let Request { method, refine, given, tuned, .. } = request;
     let numbers: Vec<String> =
         given.numbers.iter().map(|(setting, value)| format!("{}={value}", setting.key)).collect();
     let (scales, mode, seed) = (args.scales(), given.mode, given.seed);

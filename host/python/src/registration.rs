@@ -16,7 +16,11 @@ use crate::arguments::{motion, value};
 use crate::cloud::Given;
 
 /// Request of keyword arguments.
-fn request(method: &str, refine: bool, settings: Option<&Bound<'_, PyDict>>) -> PyResult<Request> {
+fn request(
+    method: &str,
+    (refine, check): (bool, bool),
+    settings: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Request> {
     let known = |name: &&Method| name.name() == method;
     let found = Method::ALL.iter().find(known).copied().ok_or_else(|| {
         value("method", format!("expected one of {}, found {method:?}", Method::NAMES.join(", ")))
@@ -37,7 +41,7 @@ fn request(method: &str, refine: bool, settings: Option<&Bound<'_, PyDict>>) -> 
             }
         }
     }
-    Ok(Request { method: found, refine, given, tuned: None })
+    Ok(Request { method: found, refine, given, tuned: None, unchecked: !check })
 }
 
 fn mode(given: &Bound<'_, PyAny>) -> PyResult<FgrMode> {
@@ -69,12 +73,16 @@ fn in_one_frame<'a>(target: &Recorded, source: &'a Recorded) -> Cow<'a, Recorded
 /// or "mac" find with "icp". Keywords are the settings of the method, as `voxel_m=0.2`; the others
 /// are chosen from the clouds. The same numbers as of `echoloop register`.
 ///
+/// Both clouds are asked whether the motion is right. Without the `check` that costs nothing, and
+/// the result is true wherever the method came to rest; "auto" always has it.
+///
 /// Raises ValueError or TypeError that names the argument. A pair that does not register is no
 /// error: the result is false, and `stop` says why.
 #[pyfunction]
 #[pyo3(signature = (
-    target, source, method = "auto", *, initial = None, refine = false, **settings
+    target, source, method = "auto", *, initial = None, refine = false, check = true, **settings
 ))]
+#[expect(clippy::too_many_arguments, reason = "keywords of a call in Python")]
 pub(crate) fn register(
     py: Python<'_>,
     target: &Bound<'_, PyAny>,
@@ -82,9 +90,10 @@ pub(crate) fn register(
     method: &str,
     initial: Option<&Bound<'_, PyAny>>,
     refine: bool,
+    check: bool,
     settings: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Registration> {
-    let request = request(method, refine, settings)?;
+    let request = request(method, (refine, check), settings)?;
     request.check(initial.is_some()).map_err(refused)?;
     let initial = motion("initial", initial)?;
     let (target, source) = (Given::new("target", target)?, Given::new("source", source)?);
@@ -98,7 +107,8 @@ pub(crate) fn register(
 
 /// A target prepared once for many sources, by "icp" or "gicp".
 ///
-/// Settings are chosen from the target alone where they are not given.
+/// Settings are chosen from the target alone where they are not given. `check` is that of
+/// `register`.
 #[pyclass(frozen, module = "echoloop")]
 pub(crate) struct Target {
     prepared: PreparedTarget,
@@ -107,14 +117,15 @@ pub(crate) struct Target {
 #[pymethods]
 impl Target {
     #[new]
-    #[pyo3(signature = (points, method = "icp", **settings))]
+    #[pyo3(signature = (points, method = "icp", *, check = true, **settings))]
     fn new(
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
         method: &str,
+        check: bool,
         settings: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        let request = request(method, false, settings)?;
+        let request = request(method, (false, check), settings)?;
         let target = Given::new("points", points)?.recorded().clone();
         let prepared = py.detach(|| PreparedTarget::new(&request, target));
         Ok(Self { prepared: prepared.map_err(refused)? })

@@ -127,6 +127,21 @@ def test_a_pair_that_does_not_register_is_false_and_says_why(clouds: Clouds) -> 
     assert not echoloop.register(*clouds, "icp", initial=far)
 
 
+def test_without_the_check_a_wrong_motion_is_believed(clouds: Clouds) -> None:
+    far = np.eye(4)
+    far[0, 3] = 40.0
+    settings = {"voxel_m": 0.3, "max_pair_distance_m": 2.0}
+    checked = echoloop.register(*clouds, "icp", initial=far, **settings)
+    believed = echoloop.register(*clouds, "icp", initial=far, check=False, **settings)
+    assert not checked and believed and believed.supported is None
+    assert (checked.target_from_source == believed.target_from_source).all()
+    prepared = echoloop.Target(clouds[0], "icp", check=False, **checked.settings)
+    found = prepared.register(clouds[1], initial=far)
+    assert (found.target_from_source == believed.target_from_source).all()
+    with pytest.raises(ValueError, match="auto chooses by the check"):
+        echoloop.register(*clouds, check=False)
+
+
 def test_a_prepared_target_serves_many_sources(clouds: Clouds) -> None:
     target, source = clouds
     assert target.range_sd_m is not None

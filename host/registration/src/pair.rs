@@ -26,6 +26,8 @@ pub struct Request {
     pub given: Given,
     /// Settings that a run tuned, instead of those chosen from the clouds.
     pub tuned: Option<MethodConfig>,
+    /// True to believe the method, without asking both clouds about its motion ([`Confirmed`]).
+    pub unchecked: bool,
 }
 
 /// Reason why a request makes no sense.
@@ -40,6 +42,9 @@ pub enum RequestError {
     /// An initial guess for a method that takes none.
     #[error("{} searches everywhere, and takes no initial guess", .0.name())]
     Initial(Method),
+    /// No check, of a method that chooses by it.
+    #[error("auto chooses by the check; it cannot be left out")]
+    Check,
     /// A setting.
     #[error(transparent)]
     Given(#[from] GivenError),
@@ -83,6 +88,9 @@ impl Request {
         if self.refine && !self.method.is_rough() {
             return Err(RequestError::Refine(self.method));
         }
+        if self.unchecked && self.method == Method::Auto {
+            return Err(RequestError::Check);
+        }
         if has_initial && self.method.is_rough() {
             return Err(RequestError::Initial(self.method));
         }
@@ -114,8 +122,14 @@ impl Request {
             None => suggestions.refinement(voxel_m),
         });
         let method = build(&config, finish)?;
-        let method = Confirmed { method, voxel_m: suggestions.scene_voxel_m() };
-        let outcome = method.register(target, source, &frames.inside(initial));
+        let initial = frames.inside(initial);
+        let outcome = match self.unchecked {
+            true => method.register(target, source, &initial),
+            false => {
+                let method = Confirmed { method, voxel_m: suggestions.scene_voxel_m() };
+                method.register(target, source, &initial)
+            }
+        };
         Ok(Registered { config, outcome, frames })
     }
 }
@@ -127,8 +141,8 @@ pub struct PreparedTarget {
     pub config: MethodConfig,
     target: Recorded,
     prepared: Target,
-    scene: Scene,
-    scene_voxel_m: f64,
+    /// For the check, with the voxel of the sources' scenes, m; none without it.
+    scene: Option<(Scene, f64)>,
 }
 
 impl PreparedTarget {
@@ -146,9 +160,10 @@ impl PreparedTarget {
             MethodConfig::Gicp(config) => Target::prepare(&target.cloud, config)?,
             _ => return Err(TargetError::Method(request.method)),
         };
-        let scene_voxel_m = suggestions.scene_voxel_m();
-        let scene = Scene::new(&target.cloud, scene_voxel_m)?;
-        Ok(Self { config, target, prepared, scene, scene_voxel_m })
+        let voxel_m = suggestions.scene_voxel_m();
+        let scene = (!request.unchecked).then(|| Scene::new(&target.cloud, voxel_m)).transpose()?;
+        let scene = scene.map(|scene| (scene, voxel_m));
+        Ok(Self { config, target, prepared, scene })
     }
 
     /// Number of points that are left of the target.
@@ -193,7 +208,7 @@ impl PreparedTarget {
         Ok(Registered { config: self.config, outcome, frames })
     }
 
-    /// The outcome of a fit, asked of both clouds as [`Confirmed`] does.
+    /// The outcome of a fit, asked of both clouds as [`Confirmed`] does, if it is to be checked.
     fn align<S>(
         &self,
         source: &Cloud,
@@ -206,11 +221,11 @@ impl PreparedTarget {
             Err(error) => return Outcome::nothing(initial, error.into()),
         };
         let outcome = align(&source_prepared, initial);
-        if outcome.iterations == 0 {
+        let Some((target, voxel_m)) = self.scene.as_ref().filter(|_| outcome.iterations > 0) else {
             return outcome;
-        }
-        let Ok(scene) = Scene::new(source, self.scene_voxel_m) else { return outcome };
-        asked(outcome, (&self.scene, &scene), |from| align(&source_prepared, from))
+        };
+        let Ok(source) = Scene::new(source, *voxel_m) else { return outcome };
+        asked(outcome, (target, &source), |from| align(&source_prepared, from))
     }
 }
 
@@ -254,6 +269,8 @@ mod tests {
         let request = Request { given, ..of(Method::Icp) };
         assert_eq!(said(request.clone(), false), "feature_radius_m is no setting of icp");
         assert_eq!(Request { method: Method::Mac, ..request }.check(false), Ok(()));
+        let unchecked = Request { unchecked: true, ..of(Method::Auto) };
+        assert_eq!(said(unchecked, false), "auto chooses by the check; it cannot be left out");
         let seeded = Given { seed: Some(1), ..Given::default() };
         let seeded = Request { given: seeded, ..of(Method::Mac) };
         assert_eq!(said(seeded, false), "seed is no setting of mac");
@@ -287,6 +304,14 @@ mod tests {
             assert_eq!(found.outcome, alone.outcome, "{method:?}");
             let shift = found.target_from_source().translation.vector.x;
             assert!((shift - 0.3).abs() < 0.01, "{method:?}: {shift}");
+            let unchecked = Request { unchecked: true, ..request };
+            let alone = unchecked.register(&target, &source, &Pose::identity()).unwrap().outcome;
+            let prepared = PreparedTarget::new(&unchecked, target.clone()).unwrap();
+            let prepared = prepared.register(&source, &Pose::identity()).unwrap().outcome;
+            for outcome in [alone, prepared] {
+                assert_eq!(outcome.target_from_source, found.outcome.target_from_source);
+                assert!(found.outcome.overlap.is_some() && outcome.overlap.is_none());
+            }
         }
         let global = Request { method: Method::Mac, ..Request::default() };
         let refused = PreparedTarget::new(&global, target).unwrap_err().to_string();

@@ -91,7 +91,12 @@ class Registration:
 @final
 class Target:
     def __new__(
-        cls, points: Points, method: Literal["icp", "gicp"] = "icp", **settings: float | None
+        cls,
+        points: Points,
+        method: Literal["icp", "gicp"] = "icp",
+        *,
+        check: bool = True,
+        **settings: float | None,
     ) -> Target: ...
     def register(
         self, source: Points, *, initial: NDArray[Any] | None = None
@@ -186,6 +191,7 @@ def register(
     *,
     initial: NDArray[Any] | None = None,
     refine: bool = False,
+    check: bool = True,
     **settings: float | str | None,
 ) -> Registration: ...
 def read_cloud(path: Path) -> Cloud: ...
