@@ -28,6 +28,9 @@ STARTS_FROM = {
     ("icp_align", "Open3D tensor"): "normal_tensor",
     ("icp_align", "small_gicp"): "prepared",
     ("gicp_align", "small_gicp"): "prepared",
+    ("icp_target", "small_gicp"): "prepared",
+    ("icp_target", "Open3D"): "normal",
+    ("gicp_target", "small_gicp"): "prepared",
 }
 
 
@@ -194,6 +197,8 @@ class Others:
             "icp_align": {"Open3D": self.icp, "Open3D tensor": self.icp_tensor, "small_gicp": self.plane_icp},
             "icp": {"Open3D": self.icp_whole, "small_gicp": lambda: self.whole("PLANE_ICP")},
             "gicp_align": {"small_gicp": self.gicp},
+            "icp_target": {"small_gicp": lambda: self.to_target("PLANE_ICP"), "Open3D": self.icp_to_target},
+            "gicp_target": {"small_gicp": lambda: self.to_target("GICP")},
             "gicp": {
                 "small_gicp": lambda: self.whole("GICP"),
                 "small_gicp VGICP": lambda: self.whole("VGICP"),
@@ -205,6 +210,7 @@ class Others:
                 "KISS-Matcher": lambda: kiss(self.source, self.target, self.voxel_m),
             },
         }
+        table["auto"] = table["fgr"]
         if not self.tensor_icp:
             del table["icp_align"]["Open3D tensor"]
         return table
@@ -305,8 +311,19 @@ class Others:
         """The same, GICP."""
         return self._small("GICP")
 
-    def _small(self, kind):
+    def to_target(self, kind):
+        """small_gicp, from the source as read to a prepared target."""
+        options = {"downsampling_resolution": self.voxel_m, "num_threads": self.threads}
+        source, _ = small_gicp.preprocess_points(self.source, num_neighbors=COVARIANCE_NEIGHBOURS, **options)
+        return self._small(kind, source)
+
+    def icp_to_target(self):
+        """Open3D, from the source as read to a target with normals."""
+        return self._open3d(legacy(self.source).voxel_down_sample(self.voxel_m), self.normal[1])
+
+    def _small(self, kind, own=None):
         source, target, tree = self.prepared
+        source = own or source
         found = small_gicp.align(
             target,
             source,

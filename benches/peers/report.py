@@ -6,7 +6,7 @@ from pathlib import Path
 
 from common import median
 from recall import LEAST_OVERLAP, SUCCESS_DEG, SUCCESS_M
-from speed import OURS, STAGES, STREET
+from speed import OURS, STREET
 
 TITLES = {
     "voxel": "voxels",
@@ -28,6 +28,15 @@ TITLES = {
     "mac_gicp": "MAC, then GICP",
     "fgr_suggested": "FGR, then ICP, suggested settings",
     "mac_suggested": "MAC, then ICP, suggested settings",
+    "icp_target": "ICP to plane, target prepared",
+    "gicp_target": "GICP, target prepared",
+    "auto": "`auto`: no settings, no guess, with the check",
+    "icp_checked": "ICP to plane, from clouds, with the check",
+    "icp_target_checked": "ICP to plane, target prepared, with the check",
+    "gicp_checked": "GICP, from clouds, with the check",
+    "gicp_target_checked": "GICP, target prepared, with the check",
+    "fgr_checked": "global, from clouds: FGR, with the check",
+    "mac_checked": "global, from clouds: MAC, with the check",
 }
 
 TRUTH_M = {STREET: 0.05}  # how far the truth itself may be off
@@ -89,7 +98,7 @@ def speed_table(rows):
     """Table by stage; the ratio of theirs to ours is above 1 when ours is faster."""
     ours = {row["stage"]: row for row in rows if row["who"] == OURS}
     lines = []
-    for stage in STAGES:
+    for stage in TITLES:
         measured = [row for row in rows if row["stage"] == stage]
         lines += [speed_line(row, ours.get(stage) if row["who"] != OURS else None) for row in measured]
     head = ["stage", "who", "in → out", "CPU ms", "wall ms", "CPU theirs/ours", "wall", "error cm", "error °"]
@@ -129,6 +138,12 @@ def losses(result):
                 both = f"{100 * row['translation_m']:.1f} against our {100 * mine['translation_m']:.1f} cm"
                 found.append(f"- {where} ends nearer to the truth, {both}")
     return "\n".join(found) + "\n" if found else "Nowhere in these tables.\n"
+
+
+def overhead_table(result):
+    """Least times of clouds from arrays, and of an empty call."""
+    lines = [[kind, who, number(least, 1)] for who, kind, least in result["overhead"]]
+    return table(["20,000 points", "who", "least µs"], sorted(lines))
 
 
 def recall_tables(result):

@@ -20,7 +20,7 @@ TITLE = "# Registration against its peers\n\nWritten by `cargo xtask peers`; how
 
 def script(name, out, *arguments, threads=1):
     """Runs a script in its own process, since its threads must be set before anything is imported."""
-    settings = {"OMP_NUM_THREADS": str(threads), "OMP_WAIT_POLICY": "passive"}
+    settings = {"OMP_NUM_THREADS": str(threads), "RAYON_NUM_THREADS": str(threads), "OMP_WAIT_POLICY": "passive"}
     command = [sys.executable, str(HERE / name), "--out", str(out), *map(str, arguments)]
     subprocess.run(command, env={**os.environ, **settings}, check=True)
     return json.loads(out.read_text())
@@ -42,6 +42,17 @@ def measure_speed(args):
     return text + "\n".join(report.speed_tables(result)) + "\n### Where a peer is ahead\n\n" + report.losses(result)
 
 
+def measure_module(args):
+    """Measures the calls of our module beside those of the peers' modules, on one thread."""
+    short = ["--voxels", 0.3, "--repeats", 1] if args.quick else ["--voxels", 0.3, 0.1]
+    data = ["--data", args.data] if args.data else []
+    arguments = ["--module", "--work", args.work / "clouds", "--threads", 1, *data, *short]
+    result = script("speed.py", args.work / "module.json", *arguments)
+    text = f"Every row is a call from Python, in one process. Rounds: {result['repeats']}, medians.\n\n"
+    text += report.overhead_table(result) + "\n" + "\n".join(report.speed_tables(result))
+    return text + "\n### Where a peer's call is ahead\n\n" + report.losses(result)
+
+
 def measure_recall(args):
     """Measures the recall on hard pairs."""
     short = ["--pairs", 2, "--baselines", 10, "--voxels", 0.5] if args.quick else []
@@ -56,8 +67,13 @@ def measure_scaling(args):
     return report.scaling_table(script("scaling.py", args.work / "scaling.json", *arguments))
 
 
-PARTS = {"speed": (measure_speed, speed), "recall": (measure_recall, recall), "scaling": (measure_scaling, scaling)}
-NAMES = {"speed": "Speed", "recall": "Recall", "scaling": "Growth"}
+PARTS = {
+    "speed": (measure_speed, speed),
+    "recall": (measure_recall, recall),
+    "scaling": (measure_scaling, scaling),
+    "python": (measure_module, speed),
+}
+NAMES = {"speed": "Speed", "recall": "Recall", "scaling": "Growth", "python": "From Python"}
 
 
 def heading(args):

@@ -100,7 +100,9 @@ def row(files, voxel_m, threads, stage, who, runs):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--stages", required=True, help="our example, built")
+    ours = parser.add_mutually_exclusive_group(required=True)
+    ours.add_argument("--stages", help="our example, built")
+    ours.add_argument("--module", action="store_true", help="our module for Python, in this process")
     parser.add_argument("--work", type=Path, required=True, help="folder for the clouds")
     parser.add_argument("--data", type=Path, help="ECHOLOOP_DATA")
     parser.add_argument("--threads", type=int, default=1)
@@ -109,16 +111,22 @@ def main():
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
     pin(args.threads)
-    from ours import Ours
+    if args.module:
+        from module import STAGES as stages
+        from module import Module, overhead
 
-    ours = Ours(args.stages, args.threads)
+        ours, more = Module(), {"overhead": overhead()}
+    else:
+        from ours import Ours
+
+        ours, more, stages = Ours(args.stages, args.threads), {}, STAGES
     rows = []
     for files in filter(None, [street(args.data), town(args.work)]):
         for voxel_m in args.voxels:
             print(f"{files.name}, voxel {voxel_m} m, {args.threads} thread(s)", file=sys.stderr)
-            rows += measure(ours, files, voxel_m, args.threads, args.repeats)
+            rows += measure(ours, files, voxel_m, args.threads, args.repeats, stages)
     ours.close()
-    args.out.write_text(json.dumps({"repeats": args.repeats, "rows": rows}, indent=1))
+    args.out.write_text(json.dumps({"repeats": args.repeats, "rows": rows, **more}, indent=1))
 
 
 if __name__ == "__main__":

@@ -9,11 +9,12 @@ use std::process::Command;
 
 use anyhow::Result;
 
+use crate::python as module;
 use crate::shell::{build_as_tested, build_release, built, cargo, succeed, workspace};
 use environment::{environment, holds};
 
 /// Comparison to make.
-#[derive(Clone, Copy, Debug, clap::Args)]
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub(crate) struct Peers {
     /// Take a minute, to see that all runs; the tables go to target/peers.
     #[arg(long)]
@@ -24,20 +25,25 @@ pub(crate) struct Peers {
     /// Cost from 5,000 to a million points instead of speed.
     #[arg(long)]
     scaling: bool,
-    /// All three.
+    /// Calls of our Python module beside those of theirs, instead of speed.
+    #[arg(long)]
+    python: bool,
+    /// All four.
     #[arg(long)]
     all: bool,
     /// The waveform path beside numpy and scipy instead of registration, and how its cost grows.
-    #[arg(long, conflicts_with_all = ["recall", "scaling", "all"])]
+    #[arg(long, conflicts_with_all = ["recall", "scaling", "python", "all"])]
     waveforms: bool,
     /// The optimiser beside pycma and cmaes instead of registration: evaluations, not time.
-    #[arg(long, conflicts_with_all = ["recall", "scaling", "all", "waveforms"])]
+    #[arg(long, conflicts_with_all = ["recall", "scaling", "python", "all", "waveforms"])]
     optimiser: bool,
     /// Only check that Open3D reads our clouds with every attribute, and we its: seconds. The
     /// measurements of registration begin with it.
     #[arg(
         long,
-        conflicts_with_all = ["quick", "recall", "scaling", "all", "waveforms", "optimiser"],
+        conflicts_with_all = [
+            "quick", "recall", "scaling", "python", "all", "waveforms", "optimiser",
+        ],
     )]
     clouds: bool,
     /// Only check that pycma, Optuna and Nevergrad drive the loop through `evaluate --stream`: a
@@ -45,7 +51,7 @@ pub(crate) struct Peers {
     #[arg(
         long,
         conflicts_with_all = [
-            "quick", "recall", "scaling", "all", "waveforms", "optimiser", "clouds",
+            "quick", "recall", "scaling", "python", "all", "waveforms", "optimiser", "clouds",
         ],
     )]
     searches: bool,
@@ -81,6 +87,12 @@ fn registration(root: &Path, peers: Peers) -> Result<()> {
     let built = built(root).join("release");
     let (stages, echoloop) = (built.join("stages"), built.join("echoloop"));
     clouds(root, &python, &echoloop)?;
+    if peers.parts().contains(&"python") {
+        let wheels = module::wheel(root)?;
+        let mut pip = Command::new(&python);
+        pip.args(["-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps"]);
+        succeed(pip.args(["--no-index", "echoloop", "--find-links"]).arg(wheels))?;
+    }
     let page = if peers.quick { "quick" } else { "registration-peers" };
     let mut command = script(root, &python, "run.py", page, peers.quick);
     command.arg("--stages").arg(stages).arg("--echoloop").arg(echoloop);
@@ -135,7 +147,7 @@ fn beside(root: &Path, quick: bool, name: &str, program: &str, page: &str) -> Re
 
 impl Peers {
     fn parts(self) -> Vec<&'static str> {
-        let asked = [("recall", self.recall), ("scaling", self.scaling)];
+        let asked = [("recall", self.recall), ("scaling", self.scaling), ("python", self.python)];
         let mut parts: Vec<_> =
             asked.iter().filter(|(_, asked)| *asked || self.all).map(|(part, _)| *part).collect();
         if self.all || parts.is_empty() {
@@ -151,13 +163,14 @@ mod tests {
 
     #[test]
     fn speed_is_measured_unless_something_else_is_asked_and_all_is_all() {
-        let parts = |recall, scaling, all| {
-            let [quick, waveforms, optimiser, clouds, searches] = [false; 5];
-            Peers { quick, recall, scaling, all, waveforms, optimiser, clouds, searches }.parts()
+        let parts = |recall, scaling, python, all| {
+            let none = Peers::default();
+            Peers { recall, scaling, python, all, ..none }.parts()
         };
-        assert_eq!(parts(false, false, false), ["speed"]);
-        assert_eq!(parts(true, false, false), ["recall"]);
-        assert_eq!(parts(true, true, false), ["recall", "scaling"]);
-        assert_eq!(parts(false, false, true), ["speed", "recall", "scaling"]);
+        assert_eq!(parts(false, false, false, false), ["speed"]);
+        assert_eq!(parts(true, false, false, false), ["recall"]);
+        assert_eq!(parts(true, true, false, false), ["recall", "scaling"]);
+        assert_eq!(parts(false, false, true, false), ["python"]);
+        assert_eq!(parts(false, false, false, true), ["speed", "recall", "scaling", "python"]);
     }
 }

@@ -21,7 +21,7 @@ pub(crate) fn run(test: bool) -> Result<()> {
     if !["python3", "python"].into_iter().any(on_path) {
         return missing();
     }
-    if test { tested(&root) } else { wheel(&root) }
+    if test { tested(&root) } else { wheel(&root).map(drop) }
 }
 
 /// Says that the tests are skipped, which is a failure in CI.
@@ -34,13 +34,20 @@ fn missing() -> Result<()> {
     Ok(())
 }
 
-fn wheel(root: &Path) -> Result<()> {
+/// Builds the wheel; its folder.
+///
+/// # Errors
+///
+/// When maturin cannot be installed, or fails.
+pub(crate) fn wheel(root: &Path) -> Result<PathBuf> {
     let module = module(root);
     let folder = built(root).join("python");
+    let wheels = folder.join("wheels");
     let python = environment(&folder.join("maturin"), &module.join("requirements-wheel.txt"))?;
     let mut command = Command::new(python);
-    command.args(["-m", "maturin", "build", "--release", "--out"]).arg(folder.join("wheels"));
-    succeed(command.arg("--manifest-path").arg(module.join("Cargo.toml")))
+    command.args(["-m", "maturin", "build", "--release", "--out"]).arg(&wheels);
+    succeed(command.arg("--manifest-path").arg(module.join("Cargo.toml")))?;
+    Ok(wheels)
 }
 
 fn tested(root: &Path) -> Result<()> {
