@@ -130,7 +130,7 @@ def test_a_pair_that_does_not_register_is_false_and_says_why(clouds: Clouds) -> 
 def test_without_the_check_a_wrong_motion_is_believed(clouds: Clouds) -> None:
     far = np.eye(4)
     far[0, 3] = 40.0
-    settings = {"voxel_m": 0.3, "max_pair_distance_m": 2.0}
+    settings: dict[str, Any] = {"voxel_m": 0.3, "max_pair_distance_m": 2.0}
     checked = echoloop.register(*clouds, "icp", initial=far, **settings)
     believed = echoloop.register(*clouds, "icp", initial=far, check=False, **settings)
     assert not checked and believed and believed.supported is None
