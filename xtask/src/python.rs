@@ -8,7 +8,7 @@ use std::process::Command;
 use anyhow::{Context, Result, bail};
 
 use crate::peers::environment::environment;
-use crate::shell::{build_as_tested, built, cargo, on_path, succeed, workspace};
+use crate::shell::{build_as_tested, built, on_path, succeed, workspace};
 
 /// Builds the wheel; with `test`, the module as the tests of the workspace have it, and runs its
 /// tests.
@@ -52,9 +52,6 @@ pub(crate) fn wheel(root: &Path) -> Result<PathBuf> {
 
 fn tested(root: &Path) -> Result<()> {
     build_as_tested()?;
-    // Not a crate type of its manifest: built with the firmware, as the whole workspace is, its
-    // exported symbols hold the texts of defmt's log, which no linker takes.
-    cargo(["rustc", "--package", "echoloop-python", "--lib", "--crate-type", "cdylib"])?;
     let (module, folder) = (module(root), built(root).join("python"));
     let python = environment(&folder.join("tests"), &module.join("tests/requirements.txt"))?;
     let site = staged(root, &folder)?;
@@ -94,7 +91,7 @@ fn staged(root: &Path, folder: &Path) -> Result<PathBuf> {
         "macos" => ("lib_native.dylib", "_native.abi3.so"),
         _ => ("lib_native.so", "_native.abi3.so"),
     };
-    let library = built(root).join("debug").join(library);
+    let library = built(root).join("debug/deps").join(library);
     fs::copy(&library, package.join(name))
         .with_context(|| format!("cannot copy {}", library.display()))?;
     Ok(site)
