@@ -84,9 +84,17 @@ def with_mac(rows):
     return [row for row in rows if row["stage"] != "mac"] + [{**row, "stage": "mac"} for row in theirs if ours] + ours
 
 
+def with_checked(rows):
+    """Repeats the rows of the peers, none of which has a check, for ours with it."""
+    end = "_checked"
+    stages = {row["stage"] for row in rows if row["stage"].endswith(end)}
+    theirs = [row for row in rows if row["stage"] + end in stages and row["who"] != OURS]
+    return rows + [{**row, "stage": row["stage"] + end} for row in theirs]
+
+
 def speed_tables(result):
     """A table for each pair, voxel and number of threads."""
-    rows = with_mac(result["rows"])
+    rows = with_checked(with_mac(result["rows"]))
     keys = dict.fromkeys((row["pair"], row["voxel_m"], row["threads"]) for row in rows)
     for pair, voxel_m, threads in keys:
         chosen = [row for row in rows if (row["pair"], row["voxel_m"], row["threads"]) == (pair, voxel_m, threads)]
@@ -122,7 +130,7 @@ def speed_line(row, ours):
 
 def losses(result):
     """Rows in which a peer is faster or nearer to the truth than our same stage, within the truth's accuracy."""
-    rows, found = with_mac(result["rows"]), []
+    rows, found = with_checked(with_mac(result["rows"])), []
     key = lambda row: (row["pair"], row["voxel_m"], row["threads"], row["stage"])  # noqa: E731
     ours = {key(row): row for row in rows if row["who"] == OURS}
     for row in rows:

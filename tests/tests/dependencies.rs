@@ -119,6 +119,7 @@ const ALLOWED: [(&str, &str, &[&str]); 36] = [
             "echoloop-dsp",
             "echoloop-instruments",
             "echoloop-kernels",
+            "echoloop-parameters",
             "echoloop-registration",
             "echoloop-sensors",
         ],

@@ -6,9 +6,11 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt::{Display, Formatter};
+use std::fs;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -17,7 +19,7 @@ use crate::checksum::Checksum;
 use crate::prepared::Prepared;
 use crate::run_folder::journal::{Generation, Header, Journal, JournalError};
 use crate::run_folder::provenance::About;
-use crate::run_folder::run::{HISTORY, RunFolder, RunResult};
+use crate::run_folder::run::{HISTORY, RESULT, RunFolder, RunResult};
 use crate::search::{Elsewhere, Observer, ScanResult, ScanTask, TaskError, TuneSearch};
 use crate::tuning::{tuned, write_run};
 
@@ -56,7 +58,7 @@ impl Display for Identity {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Numbered {
-    /// Number in the search, from 0.
+    /// Number in this process's part of the search, from 0.
     pub task: u64,
     /// The search.
     pub search: Identity,
@@ -72,6 +74,8 @@ pub struct Told {
     pub task: u64,
     /// The search.
     pub search: Identity,
+    /// Checksum of the task: a search that goes on numbers others.
+    pub check: String,
     /// Result.
     pub result: ScanResult,
 }
@@ -90,15 +94,16 @@ pub enum RefusedTask {
     /// No such task was asked for.
     #[error("no task {0} was asked for")]
     NotAsked(u64),
-    /// Another number of errors than of registrations.
-    #[error("task {task}: expected {expected} errors, found {found}")]
-    Errors {
+    /// Of a task of the same number that is another one.
+    #[error("task {0}: the result is of another task of that number, of this search before")]
+    Before(u64),
+    /// A result that no worker has.
+    #[error("task {task}: {what}")]
+    Odd {
         /// Number of the task.
         task: u64,
-        /// Number of its registrations.
-        expected: usize,
-        /// Errors told.
-        found: usize,
+        /// What was expected, and what was found.
+        what: String,
     },
     /// It cannot be done.
     #[error(transparent)]
@@ -131,8 +136,31 @@ impl Worker {
     pub fn work(&self, task: &Numbered) -> Result<Told, RefusedTask> {
         expect_same(&self.identity, &task.search)?;
         let result = self.prepared.work(&task.scan)?;
-        Ok(Told { task: task.task, search: self.identity.clone(), result })
+        let (search, check) = (self.identity.clone(), check(&task.scan));
+        Ok(Told { task: task.task, search, check, result })
     }
+}
+
+/// Checksum of a task.
+fn check(task: &ScanTask) -> String {
+    // Numbers and words alone: it is always written.
+    Checksum::of(&[&serde_json::to_vec(task).unwrap_or_default()]).to_string()
+}
+
+/// Reason why a result is not one of a task.
+fn odd(task: &ScanTask, result: &ScanResult) -> Option<String> {
+    let (expected, found) = (task.registrations.len(), result.errors.len());
+    if found != expected {
+        return Some(format!("expected {expected} errors, found {found}"));
+    }
+    let is_length = |value: f64| value.is_finite() && value >= 0.0;
+    result.errors.iter().find_map(|error| {
+        let lengths = [error.translation_m, error.rotation_deg, error.frobenius];
+        if error.pair != task.pair {
+            return Some(format!("expected errors of pair {}, found {}", task.pair, error.pair));
+        }
+        (!lengths.into_iter().all(is_length)).then(|| format!("expected errors, found {lengths:?}"))
+    })
 }
 
 fn expect_same(own: &Identity, other: &Identity) -> Result<(), RefusedTask> {
@@ -159,7 +187,8 @@ pub struct Tuner {
     prepared: Arc<Prepared>,
     identity: Identity,
     desk: Arc<Desk>,
-    search: Option<JoinHandle<()>>,
+    /// Thread of the search, and the process that it is in.
+    search: Mutex<Option<(u32, JoinHandle<()>)>>,
 }
 
 /// Place where search and driver meet.
@@ -177,8 +206,8 @@ struct State {
     next: u64,
     /// Tasks that nobody has yet.
     waiting: VecDeque<(u64, ScanTask)>,
-    /// Registrations of each task that somebody has and whose result is missing.
-    out: BTreeMap<u64, usize>,
+    /// Tasks that somebody has and whose result is missing.
+    out: BTreeMap<u64, ScanTask>,
     /// Results that the search has not taken yet.
     results: BTreeMap<u64, ScanResult>,
     progress: Progress,
@@ -219,7 +248,8 @@ impl Observer for Desk {
 }
 
 impl Tuner {
-    /// Begins a run in a folder, or goes on with the one that the folder holds.
+    /// Begins a run in a folder, or goes on with the one that the folder holds. One that has ended
+    /// has its result at once.
     ///
     /// # Errors
     ///
@@ -236,16 +266,27 @@ impl Tuner {
             true => Journal::resume(&path, &header, false)?,
             false => (Journal::create(&path, &header)?, Vec::new()),
         };
+        let kept = fs::read(folder.file(RESULT)).ok();
+        let kept = kept.and_then(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok());
+        if let Some(result) = kept.and_then(|document| serde_json::from_value(document).ok()) {
+            desk.state().ended = Some(Ok(result));
+            return Ok(Self { prepared, identity, desk, search: Mutex::default() });
+        }
         About::read(folder.path()).and_then(|about| about.record(&folder))?;
         let (own, of_search) = (Arc::clone(&prepared), Arc::clone(&desk));
         let search = std::thread::spawn(move || {
             let search = || run(&own, &folder, (&mut journal, done), &of_search);
             let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(search));
-            let ended = ended.unwrap_or_else(|_| Err("the search has failed".into()));
+            let ended = ended.unwrap_or_else(|panic| {
+                let why = panic.downcast_ref::<String>().map(String::as_str);
+                let why = why.or_else(|| panic.downcast_ref::<&str>().copied());
+                Err(format!("the search has failed: {}", why.unwrap_or("no reason known")))
+            });
             of_search.state().ended = Some(ended);
             of_search.changed.notify_all();
         });
-        Ok(Self { prepared, identity, desk, search: Some(search) })
+        let search = Mutex::new(Some((std::process::id(), search)));
+        Ok(Self { prepared, identity, desk, search })
     }
 
     /// Worker in this process, which shares its traced pairs.
@@ -253,18 +294,37 @@ impl Tuner {
         Worker { prepared: Arc::clone(&self.prepared), identity: self.identity.clone() }
     }
 
-    /// Tasks that nobody has yet, at most so many, waiting for the search where no result is
-    /// missing. None: the results of others come first, or the run has ended.
-    pub fn ask(&self, most: usize) -> Vec<Numbered> {
+    /// Tasks that nobody has yet, at most so many. Waits for the search where no result is missing,
+    /// else at most `patience` for what others tell. None: their results come first, or the run has
+    /// ended.
+    pub fn ask(&self, most: usize, patience: Duration) -> Vec<Numbered> {
+        let until = Instant::now().checked_add(patience);
         let mut state = self.desk.state();
-        while state.waiting.is_empty() && state.out.is_empty() && state.ended.is_none() {
-            state = self.desk.wait(state);
+        while state.waiting.is_empty() && state.ended.is_none() {
+            let left = until.map(|until| until.saturating_duration_since(Instant::now()));
+            state = match left.filter(|_| !state.out.is_empty()) {
+                Some(Duration::ZERO) => break,
+                Some(left) => {
+                    let waited = self.desk.changed.wait_timeout(state, left);
+                    waited.unwrap_or_else(PoisonError::into_inner).0
+                }
+                None => self.desk.wait(state),
+            };
         }
         let count = most.min(state.waiting.len());
         let taken: Vec<(u64, ScanTask)> = state.waiting.drain(..count).collect();
-        state.out.extend(taken.iter().map(|(task, scan)| (*task, scan.registrations.len())));
-        let numbered = |(task, scan)| Numbered { task, search: self.identity.clone(), scan };
-        taken.into_iter().map(numbered).collect()
+        state.out.extend(taken.iter().cloned());
+        taken.into_iter().map(|task| self.numbered(task)).collect()
+    }
+
+    /// Tasks that somebody has and whose result is missing: for another, if a worker is lost.
+    pub fn missing(&self) -> Vec<Numbered> {
+        let out = self.desk.state().out.clone();
+        out.into_iter().map(|task| self.numbered(task)).collect()
+    }
+
+    fn numbered(&self, (task, scan): (u64, ScanTask)) -> Numbered {
+        Numbered { task, search: self.identity.clone(), scan }
     }
 
     /// Takes the result of a task. False: it has one already, and this one is dropped.
@@ -274,18 +334,20 @@ impl Tuner {
     /// [`RefusedTask`] of a result that is of no task of this search.
     pub fn tell(&self, told: Told) -> Result<bool, RefusedTask> {
         expect_same(&self.identity, &told.search)?;
-        let Told { task, result, .. } = told;
+        let Told { task, result, check: of, .. } = told;
         let mut state = self.desk.state();
         let next = state.waiting.front().map_or(state.next, |(next, _)| *next);
-        let Some(&expected) = state.out.get(&task) else {
+        let Some(scan) = state.out.get(&task) else {
             return if task < next { Ok(false) } else { Err(RefusedTask::NotAsked(task)) };
         };
-        let found = result.errors.len();
-        if found != expected {
-            return Err(RefusedTask::Errors { task, expected, found });
+        if check(scan) != of {
+            return Err(RefusedTask::Before(task));
+        }
+        if let Some(what) = odd(scan, &result) {
+            return Err(RefusedTask::Odd { task, what });
         }
         state.out.remove(&task);
-        state.progress.done += found;
+        state.progress.done += result.errors.len();
         state.results.insert(task, result);
         drop(state);
         self.desk.changed.notify_all();
@@ -303,15 +365,25 @@ impl Tuner {
     }
 }
 
-/// The journal holds each whole generation: a run that is dropped goes on later.
-impl Drop for Tuner {
-    fn drop(&mut self) {
+impl Tuner {
+    /// Ends the search and lets go of the folder. The journal holds each whole generation: the run
+    /// goes on later.
+    pub fn close(&self) {
+        let search = self.search.lock().unwrap_or_else(PoisonError::into_inner).take();
+        // A process that was forked off has no such thread.
+        let Some((_, search)) = search.filter(|(process, _)| *process == std::process::id()) else {
+            return;
+        };
         self.desk.stop.store(true, Ordering::Relaxed);
         drop(self.desk.state()); // the search either waits, or sees it before it waits
         self.desk.changed.notify_all();
-        if let Some(search) = self.search.take() {
-            let _ = search.join(); // its panic is caught within
-        }
+        let _ = search.join(); // its panic is caught within
+    }
+}
+
+impl Drop for Tuner {
+    fn drop(&mut self) {
+        self.close();
     }
 }
 
@@ -333,8 +405,8 @@ fn run(
 mod tests {
     use super::*;
     use crate::config::load;
+    use crate::evaluation::objective::PairError;
     use crate::prepared::Preparation;
-    use crate::run_folder::run::RESULT;
     use crate::search::Silent;
     use echoloop_sensors::sensor::{Model, Sensors};
 
@@ -369,7 +441,7 @@ mod tests {
     /// Bytes of result and journals.
     fn files(folder: &std::path::Path) -> Vec<Vec<u8>> {
         let names = [RESULT, HISTORY, "front.jsonl", "tuned.toml", "before.ply", "after.ply"];
-        names.iter().map(|name| std::fs::read(folder.join(name)).unwrap()).collect()
+        names.iter().map(|name| fs::read(folder.join(name)).unwrap()).collect()
     }
 
     fn in_json<T: Serialize + for<'de> Deserialize<'de>>(value: &T) -> T {
@@ -380,8 +452,8 @@ mod tests {
     fn drive(tuner: &Tuner, worker: &Worker, most: usize) -> usize {
         let mut done = 0;
         while tuner.result().is_none() && done < most {
-            let mut tasks = tuner.ask(5);
-            tasks.extend(tuner.ask(usize::MAX / 2));
+            let mut tasks = tuner.ask(5, Duration::ZERO);
+            tasks.extend(tuner.ask(usize::MAX, Duration::ZERO));
             for task in tasks.iter().rev() {
                 assert!(tuner.tell(in_json(&worker.work(&in_json(task)).unwrap())).unwrap());
                 done += 1;
@@ -410,14 +482,33 @@ mod tests {
         let worker = Worker::new(Arc::clone(&prepared));
         let interrupted_after = drive(&tuner, &worker, 60);
         assert!(tuner.result().is_none(), "{interrupted_after}");
-        let left = tuner.ask(1);
+        let left = tuner.ask(1, Duration::ZERO);
+        assert_eq!(tuner.missing(), left);
+        let begun = Instant::now();
+        assert!(tuner.ask(0, Duration::from_millis(30)).is_empty());
+        let all = tuner.ask(usize::MAX, Duration::ZERO);
+        assert!(tuner.ask(9, Duration::from_millis(30)).is_empty(), "{}", all.len());
+        assert!(begun.elapsed() >= Duration::from_millis(30), "it waits for others");
+        let late = worker.work(&left[0]).unwrap();
         drop(tuner); // with a task out
         let tuner = begin();
-        assert_eq!(left.len(), 1);
+        // Now the task of that number is another one.
+        let other = tuner.ask(1 + late.task as usize, Duration::ZERO);
+        assert_ne!(other.iter().find(|task| task.task == late.task), left.first());
+        let said = tuner.tell(late).unwrap_err().to_string();
+        assert!(said.contains("another task of that number") || said.contains("no task"), "{said}");
+        for task in tuner.missing() {
+            tuner.tell(worker.work(&task).unwrap()).unwrap();
+        }
         drive(&tuner, &worker, usize::MAX);
         assert_eq!(*tuner.result().unwrap().unwrap(), result);
-        assert!(tuner.ask(9).is_empty(), "a run that has ended asks for nothing");
         drop(tuner);
+        let ended = begin();
+        let written = |result: &RunResult| serde_json::to_value(result).unwrap();
+        let kept = ended.result().unwrap().unwrap();
+        assert!(written(&kept) == written(&result), "a run that has ended has its result");
+        assert!(ended.ask(9, Duration::ZERO).is_empty());
+        drop(ended);
         assert_eq!(files(&path), files(own.path()));
     }
 
@@ -427,13 +518,19 @@ mod tests {
         let folder = RunFolder::at(runs.path(), &own.config).unwrap();
         let tuner = Tuner::new(own, folder).unwrap();
         let worker = tuner.worker();
-        let task = tuner.ask(1).remove(0);
+        let task = tuner.ask(1, Duration::ZERO).remove(0);
         let told = worker.work(&task).unwrap();
         let said = |told: Told| tuner.tell(told).unwrap_err().to_string();
         assert_eq!(said(Told { task: task.task + 1, ..told.clone() }), "no task 1 was asked for");
         let none = ScanResult { errors: Vec::new(), ..told.result.clone() };
         let problem = said(Told { result: none, ..told.clone() });
         assert_eq!(problem, "task 0: expected 1 errors, found 0");
+        let changes: [fn(&mut PairError); 2] = [|e| e.pair = 77, |e| e.frobenius = f64::NAN];
+        for change in changes {
+            let mut odd = told.clone();
+            change(&mut odd.result.errors[0]);
+            assert!(said(odd).contains("task 0: expected errors"));
+        }
         assert!(tuner.tell(told.clone()).unwrap());
         assert_eq!(tuner.progress().done, 1);
         assert!(!tuner.tell(told.clone()).unwrap(), "it is told already");

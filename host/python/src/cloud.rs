@@ -2,13 +2,16 @@
 
 use std::path::PathBuf;
 
-use echoloop_clouds::{CloudError, Column, NumberType, Recorded, read_recorded, write_recorded};
+use echoloop_clouds::{
+    CloudError, Column, Coordinates, NumberType, Recorded, read_recorded, write_recorded,
+};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use crate::arguments::{coordinates, value};
+use crate::threads::detached;
 
 /// Points of a LiDAR scan in the frame of its sensor, metres, and what its file says of each.
 ///
@@ -49,6 +52,14 @@ fn recorded(
     range_sd_m: Option<Vec<f32>>,
 ) -> PyResult<Recorded> {
     let coordinates = coordinates(argument, given)?;
+    let count = match &coordinates {
+        Coordinates::Single(points) => points.len(),
+        Coordinates::Double(points) | Coordinates::Wide(points) => points.len(),
+    };
+    if let Some(sds) = range_sd_m.as_ref().filter(|sds| sds.len() != count) {
+        let problem = format!("expected {count} values, one a point, found {}", sds.len());
+        return Err(value("range_sd_m", problem));
+    }
     let found = given.py().detach(|| Recorded::from_coordinates(coordinates, range_sd_m));
     let (recorded, dropped) = found.map_err(|problem| value(argument, problem))?;
     if recorded.cloud.points.is_empty() {
@@ -98,11 +109,6 @@ impl Cloud {
     #[new]
     #[pyo3(signature = (points, *, range_sd_m = None))]
     fn new(points: &Bound<'_, PyAny>, range_sd_m: Option<Vec<f32>>) -> PyResult<Self> {
-        let count = points.len().unwrap_or_default();
-        if let Some(sds) = range_sd_m.as_ref().filter(|sds| sds.len() != count) {
-            let problem = format!("expected {count} values, one a point, found {}", sds.len());
-            return Err(value("range_sd_m", problem));
-        }
         Ok(Self { recorded: recorded("points", points, range_sd_m)? })
     }
 
@@ -132,7 +138,7 @@ impl Cloud {
     fn transformed(&self, py: Python<'_>, target_from_source: &Bound<'_, PyAny>) -> PyResult<Self> {
         let motion = crate::arguments::motion("target_from_source", Some(target_from_source))?;
         let mut recorded = self.recorded.clone();
-        py.detach(|| recorded.transform(&motion));
+        detached(py, || recorded.transform(&motion));
         Ok(Self { recorded })
     }
 
@@ -153,7 +159,7 @@ impl Cloud {
 /// Raises ValueError that names the file and what was expected of it.
 #[pyfunction]
 pub(crate) fn read_cloud(py: Python<'_>, path: PathBuf) -> PyResult<Cloud> {
-    let read = py.detach(|| read_recorded(&path));
+    let read = detached(py, || read_recorded(&path));
     let (recorded, _) =
         read.map_err(|error: CloudError| PyValueError::new_err(error.to_string()))?;
     Ok(Cloud { recorded })
@@ -164,6 +170,6 @@ pub(crate) fn read_cloud(py: Python<'_>, path: PathBuf) -> PyResult<Cloud> {
 pub(crate) fn write_cloud(py: Python<'_>, path: PathBuf, cloud: &Bound<'_, PyAny>) -> PyResult<()> {
     let cloud = Given::new("cloud", cloud)?;
     let recorded = cloud.recorded();
-    let written = py.detach(|| write_recorded(&path, recorded));
+    let written = detached(py, || write_recorded(&path, recorded));
     written.map_err(|error| PyValueError::new_err(error.to_string()))
 }

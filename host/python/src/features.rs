@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 
 use crate::arguments::{Rows, value};
 use crate::cloud::Given;
+use crate::threads::detached;
 
 type Rows3<'py> = Bound<'py, PyArray2<f32>>;
 
@@ -42,19 +43,43 @@ fn neighbours(argument: &str, given: usize) -> PyResult<usize> {
     }
 }
 
-/// Means of the points in each voxel of edge `voxel_m`: `(M, 3)` float32.
+/// Means of the points in each voxel of edge `voxel_m`: `(M, 3)` float32, or float64 where float32
+/// would round the coordinates.
 #[pyfunction]
 pub(crate) fn voxel_downsample<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
     voxel_m: f64,
-) -> PyResult<Rows3<'py>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let voxel_m = positive("voxel_m", voxel_m)?;
     let given = Given::new("points", points)?;
-    let cloud = &given.recorded().cloud;
-    let thinned = py.detach(|| voxel::downsample(cloud, voxel_m));
+    let recorded = given.recorded();
+    let cloud = &recorded.cloud;
+    let thinned = detached(py, || voxel::downsample(cloud, voxel_m));
     let thinned = thinned.map_err(|error| value("voxel_m", error))?;
-    rows3(py, thinned.points.iter().map(|point| point.coords.into()))
+    if recorded.exact.is_some() {
+        let there = |point: &Point3<f32>| point.cast::<f64>() + recorded.shift_m;
+        let numbers = thinned.points.iter().flat_map(|point| <[f64; 3]>::from(there(point)));
+        let numbers = PyArray1::from_iter(py, numbers.collect::<Vec<f64>>());
+        return Ok(numbers.reshape([thinned.points.len(), 3])?.into_any());
+    }
+    Ok(rows3(py, thinned.points.iter().map(|point| point.coords.into()))?.into_any())
+}
+
+/// Distance from the origin from which coordinates are to be moved first, m: float32 rounds to a
+/// millimetre there.
+const FAR_M: f64 = 16_384.0;
+
+/// Points as float32, unless it would round them: distances between them are all that counts.
+fn near(points: Rows<3>) -> PyResult<Vec<[f32; 3]>> {
+    if let Rows::Double(rows) = &points {
+        let is_far = |row: &[f64; 3]| row.iter().any(|at| at.is_finite() && at.abs() > FAR_M);
+        if let Some(row) = rows.iter().position(is_far) {
+            let problem = format!("expected them within {FAR_M} m of the origin, row {row} is not");
+            return Err(value("points", problem + ": subtract their centre first"));
+        }
+    }
+    Ok(points.single())
 }
 
 /// Unit normals of `(N, 3)` points, turned to the sensor at the origin: `(N, 3)` float32.
@@ -72,8 +97,8 @@ pub(crate) fn estimate_normals<'py>(
 ) -> PyResult<Rows3<'py>> {
     let radius_m = positive("radius_m", radius_m)?;
     let most = neighbours("max_neighbours", max_neighbours)?;
-    let points = Rows::<3>::of("points", points)?.single();
-    let found = py.detach(|| {
+    let points = near(Rows::<3>::of("points", points)?)?;
+    let found = detached(py, || {
         let mut cloud = Cloud::new(points.into_iter().map(Point3::from).collect());
         normals::estimate(&mut cloud, radius_m, most);
         cloud.normals.unwrap_or_default()
@@ -96,6 +121,7 @@ pub(crate) fn fpfh<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let radius_m = positive("radius_m", radius_m)?;
     let most = neighbours("max_neighbours", max_neighbours)?;
+    near(Rows::<3>::of("points", points)?)?;
     let points = finite("points", points)?;
     let normals: Vec<Vector3<f32>> =
         finite("normals", normals)?.into_iter().map(|normal| normal.coords).collect();
@@ -104,7 +130,7 @@ pub(crate) fn fpfh<'py>(
             format!("expected {} rows, one a point, found {}", points.len(), normals.len());
         return Err(value("normals", problem));
     }
-    let features = py.detach(|| {
+    let features = detached(py, || {
         let neighbours = Neighbours::within(&points, radius_m, most);
         histograms::describe(&points, &normals, &neighbours)
     });
@@ -125,7 +151,7 @@ pub(crate) fn match_features<'py>(
         Ok(Features { rows: Rows::<DIMENSIONS>::of(argument, given)?.single() })
     };
     let (target, source) = (rows("target", target)?, rows("source", source)?);
-    let matches = py.detach(|| matching::mutual(&source, &target));
+    let matches = detached(py, || matching::mutual(&source, &target));
     let indices: Vec<u32> = matches.iter().flat_map(|of| [of.target, of.source]).collect();
     PyArray1::from_slice(py, &indices).reshape([matches.len(), 2])
 }

@@ -11,12 +11,27 @@ mod features;
 mod objective;
 mod registration;
 mod scan;
+mod threads;
 mod tuner;
 mod waveforms;
 
 /// The compiled half of the package `echoloop`.
 #[pymodule]
 mod _native {
+    use echoloop_closed_loop::dataset::fingerprint::of_library;
+    use pyo3::prelude::*;
+
+    /// The journal of a run names the build by this library, not by Python.
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::threads::loaded();
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        if let Ok(file) = module.filename() {
+            of_library(file.extract()?);
+        }
+        Ok(())
+    }
+
     #[pymodule_export]
     use crate::cloud::{Cloud, read_cloud, write_cloud};
     #[pymodule_export]

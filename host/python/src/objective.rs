@@ -13,6 +13,7 @@ use pyo3::types::PyDict;
 
 use crate::arguments::{failed, value};
 use crate::configuration::{configuration, json, written};
+use crate::threads::detached;
 
 pyo3::create_exception!(
     echoloop,
@@ -47,7 +48,7 @@ impl Objective {
         let expected = || format!("expected one of {}, found {pairs:?}", PairSet::NAMES.join(", "));
         let which = known.ok_or_else(|| value("pairs", expected()))?;
         let config = configuration(settings, config.as_deref())?;
-        py.detach(|| {
+        detached(py, || {
             let sensors = Sensors::in_process(Model::from(&config));
             let preparation = Preparation::new(config, sensors, &|_| ()).map_err(failed)?;
             let prepared = preparation.traced_for(which, &|_, _| ()).map_err(failed)?;
@@ -93,8 +94,8 @@ impl Objective {
             false => py.import("builtins")?.call_method1("list", (candidate,))?,
         };
         line.set_item(if is_dict { "parameters" } else { "point" }, given)?;
-        let line = json(line.as_any())?;
-        let answer = py.detach(|| self.search().answer_to(&line));
+        let line = json("candidate", line.as_any())?;
+        let answer = detached(py, || self.search().answer_to(&line));
         let answer = answer.map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
         if let Some(problem) = answer["infeasible"].as_str() {
             return Err(Infeasible::new_err(problem.to_owned()));

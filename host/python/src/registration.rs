@@ -4,9 +4,10 @@ use std::borrow::Cow;
 
 use echoloop_clouds::pose::to_rows;
 use echoloop_clouds::{Pose, Recorded};
+use echoloop_parameters::Kind;
 use echoloop_registration::config::given::Given as Settings;
 use echoloop_registration::pair::{self, PreparedTarget, Request};
-use echoloop_registration::{FgrMode, Method};
+use echoloop_registration::{FgrMode, Method, setting as known_setting};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -14,6 +15,7 @@ use pyo3::types::PyDict;
 
 use crate::arguments::{motion, value};
 use crate::cloud::Given;
+use crate::threads::detached;
 
 /// Request of keyword arguments.
 fn request(
@@ -30,11 +32,15 @@ fn request(
         let key: String = key.extract()?;
         let bad = |error: PyErr| PyTypeError::new_err(format!("{key}: expected a number: {error}"));
         match &*key {
+            _ if setting.is_none() => (), // chosen from the clouds
             "mode" => given.mode = Some(mode(&setting)?),
             "seed" => given.seed = Some(setting.extract().map_err(bad)?),
-            _ if setting.is_none() => (),
             _ => {
-                let number = setting.extract().map_err(bad)?;
+                let number: f64 = setting.extract().map_err(bad)?;
+                let is_whole = known_setting(&key).is_some_and(|own| own.kind == Kind::Whole);
+                if is_whole && number.fract() != 0.0 {
+                    return Err(value(&key, format!("expected a whole number, found {number}")));
+                }
                 given.set(&key, number).map_err(|key| {
                     PyTypeError::new_err(format!("{key} is no setting of any method"))
                 })?;
@@ -98,7 +104,7 @@ pub(crate) fn register(
     let initial = motion("initial", initial)?;
     let (target, source) = (Given::new("target", target)?, Given::new("source", source)?);
     let (target, source) = (target.recorded(), source.recorded());
-    let registered = py.detach(|| {
+    let registered = detached(py, || {
         let source = in_one_frame(target, source);
         request.register(target, &source, &initial)
     });
@@ -127,7 +133,7 @@ impl Target {
     ) -> PyResult<Self> {
         let request = request(method, (false, check), settings)?;
         let target = Given::new("points", points)?.recorded().clone();
-        let prepared = py.detach(|| PreparedTarget::new(&request, target));
+        let prepared = detached(py, || PreparedTarget::new(&request, target));
         Ok(Self { prepared: prepared.map_err(refused)? })
     }
 
@@ -142,7 +148,7 @@ impl Target {
         let initial = motion("initial", initial)?;
         let source = Given::new("source", source)?;
         let source = source.recorded();
-        let registered = py.detach(|| {
+        let registered = detached(py, || {
             let source = in_one_frame(self.prepared.target(), source);
             self.prepared.register(&source, &initial)
         });

@@ -17,6 +17,7 @@ use pyo3::types::PyDict;
 use crate::arguments::{failed, motion, value};
 use crate::cloud::Cloud;
 use crate::configuration::configuration;
+use crate::threads::detached;
 
 /// Scene to scan: surfaces, and what they are made of.
 ///
@@ -51,7 +52,7 @@ impl Scene {
             let all: Vec<String> = all.iter().map(u64::to_string).collect();
             return Err(value("town", format!("expected one of {}, found {town}", all.join(", "))));
         }
-        let place = py.detach(|| place(&config, town)).map_err(failed)?;
+        let place = detached(py, || place(&config, town)).map_err(failed)?;
         Ok(Self { config, place: Arc::new(place), town })
     }
 
@@ -103,7 +104,7 @@ impl Sensor {
         config: Option<PathBuf>,
     ) -> PyResult<Self> {
         let config = configuration(settings, config.as_deref())?;
-        py.detach(|| {
+        detached(py, || {
             let sensors = Sensors::in_process(Model::from(&config));
             let sensor = ConfiguredSensor::new(&config, sensors, &|_| ()).map_err(failed)?;
             Ok(Self { config, sensor })
@@ -135,24 +136,25 @@ pub(crate) fn scan<'py>(
     let config = RunConfig {
         scene: scene.config.scene.clone(),
         data: scene.config.data,
-        seed: seed.unwrap_or(sensor.config.seed),
         ..sensor.config.clone()
     };
-    let (cloud, pose) = py.detach(|| scanned(&config, scene, &sensor.sensor, given))?;
+    let (cloud, pose) = detached(py, || scanned(config, scene, &sensor.sensor, (given, seed)))?;
     let pose = PyArray1::from_iter(py, to_rows(&pose)).reshape([4, 4])?;
     Ok((cloud, pose))
 }
 
 fn scanned(
-    config: &RunConfig,
+    mut config: RunConfig,
     scene: &Scene,
     sensor: &ConfiguredSensor,
-    given: Option<Pose>,
+    (given, seed): (Option<Pose>, Option<u64>),
 ) -> PyResult<(Cloud, Pose)> {
     let pose = match given {
         Some(pose) => pose,
-        None => single_viewpoint(config, &scene.place, scene.town, &|_| ()).map_err(failed)?.0,
+        None => single_viewpoint(&config, &scene.place, scene.town, &|_| ()).map_err(failed)?.0,
     };
+    config.seed = seed.unwrap_or(config.seed); // only now: the viewpoint is not of the noise
+    let config = &config;
     let beams = config.scanner.beams();
     let beams = beams.aimed(&sensor.start.settings).map_err(failed)?;
     let response = Arc::new(respond_at(config, &scene.place, &pose, 1, &beams));

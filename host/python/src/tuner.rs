@@ -1,20 +1,25 @@
 //! Tuning whose scans and registrations are made by whoever drives it.
 
+use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use echoloop_closed_loop::ask_tell;
 use echoloop_closed_loop::config::{RunConfig, load};
-use echoloop_closed_loop::dataset::fingerprint::of_library;
 use echoloop_closed_loop::prepared::{Preparation, Prepared};
 use echoloop_closed_loop::run_folder::run::{CONFIG, RunFolder};
 use echoloop_sensors::sensor::{Model, Sensors};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyDict, PyList, PyTuple};
 
 use crate::arguments::{failed, value};
 use crate::configuration::{configuration, read, written};
+use crate::threads::detached;
+
+/// Part of a wait, between which signals are looked at.
+const PART: Duration = Duration::from_millis(200);
 
 /// Pairs of a search, traced.
 fn prepared(config: RunConfig) -> PyResult<Arc<Prepared>> {
@@ -31,7 +36,7 @@ fn prepared(config: RunConfig) -> PyResult<Arc<Prepared>> {
 /// those of the file `config`; of neither, the run's own. Scenes are traced once.
 ///
 /// A task is a dict of plain numbers, lists and words: one pair, scanned with the settings of one
-/// candidate, and registrations of it.
+/// candidate, and registrations of it. The run is closed with `close`, or at the end of a `with`.
 #[pyclass(frozen, module = "echoloop")]
 pub(crate) struct Tuner {
     tuner: ask_tell::Tuner,
@@ -48,12 +53,24 @@ impl Tuner {
         config: Option<PathBuf>,
     ) -> PyResult<Self> {
         let own = run.join(CONFIG);
-        let config = match settings.is_none() && config.is_none() && own.exists() {
-            true => load(Some(&own), &[]).map_err(failed)?,
-            false => configuration(settings, config.as_deref())?,
+        let kept = own.exists().then(|| load(Some(&own), &[])).transpose().map_err(failed)?;
+        let is_begun = settings.is_none() && config.is_none();
+        let config = match kept.clone().filter(|_| is_begun) {
+            Some(kept) => kept,
+            None => configuration(settings, config.as_deref())?,
         };
-        of_library(py.import("echoloop._native")?.getattr("__file__")?.extract()?);
-        py.detach(|| {
+        let is_empty = || fs::read_dir(&run).map_or(true, |mut files| files.next().is_none());
+        match kept {
+            Some(kept) if kept != config => {
+                return Err(value("run", format!("{} is of another configuration", own.display())));
+            }
+            None if !is_empty() => {
+                let what = "expected a run's folder, or none, or an empty one";
+                return Err(value("run", format!("{}: {what}", run.display())));
+            }
+            _ => {}
+        }
+        detached(py, || {
             let prepared = prepared(config)?;
             let folder = RunFolder::at(&run, &prepared.config).map_err(failed)?;
             let tuner = ask_tell::Tuner::new(prepared, folder).map_err(failed)?;
@@ -61,12 +78,36 @@ impl Tuner {
         })
     }
 
-    /// Tasks that nobody has yet, at most `most`. Waits for the search, unless results are missing.
+    /// Tasks to do, at most `most`: those that nobody has yet.
     ///
-    /// None of them means that results of others come first, or that the run has ended: `done`.
-    #[pyo3(signature = (most = None))]
-    fn ask<'py>(&self, py: Python<'py>, most: Option<usize>) -> PyResult<Bound<'py, PyList>> {
-        let tasks = py.detach(|| self.tuner.ask(most.unwrap_or(usize::MAX)));
+    /// While results are missing it waits `patience_s` seconds at most for the tasks that follow
+    /// from them. An empty list means that they come first, or that the run has ended: `done`.
+    /// `again` also hands out tasks whose result is missing, as of a worker that is lost.
+    #[pyo3(signature = (most = None, *, patience_s = 0.0, again = false))]
+    fn ask<'py>(
+        &self,
+        py: Python<'py>,
+        most: Option<usize>,
+        patience_s: f64,
+        again: bool,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let most = most.unwrap_or(usize::MAX);
+        let patience = Duration::try_from_secs_f64(patience_s)
+            .map_err(|_| value("patience_s", format!("expected seconds, found {patience_s}")))?;
+        let missing = if again { self.tuner.missing() } else { Vec::new() };
+        let patience = if missing.is_empty() { patience } else { Duration::ZERO };
+        let begun = Instant::now();
+        let mut tasks = Vec::new();
+        // In parts, so that ^C is heard.
+        loop {
+            let left = patience.saturating_sub(begun.elapsed());
+            tasks.extend(py.detach(|| self.tuner.ask(most, left.min(PART))));
+            if left <= PART || !tasks.is_empty() || self.done() {
+                break;
+            }
+            py.check_signals()?;
+        }
+        tasks.extend(missing.into_iter().take(most.saturating_sub(tasks.len())));
         let tasks = tasks.iter().map(|task| written(py, task));
         PyList::new(py, tasks.collect::<PyResult<Vec<_>>>()?)
     }
@@ -78,6 +119,20 @@ impl Tuner {
     fn tell(&self, py: Python<'_>, result: &Bound<'_, PyAny>) -> PyResult<bool> {
         let told = read("result", result)?;
         py.detach(|| self.tuner.tell(told)).map_err(|problem| value("result", problem))
+    }
+
+    /// Ends the search and lets go of the folder; the run goes on later.
+    fn close(&self, py: Python<'_>) {
+        py.detach(|| self.tuner.close());
+    }
+
+    fn __enter__(own: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        own
+    }
+
+    #[pyo3(signature = (*_exception))]
+    fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, PyTuple>) {
+        self.close(py);
     }
 
     /// Worker of this process, which shares the traced pairs.
@@ -133,13 +188,13 @@ impl Worker {
         config: Option<PathBuf>,
     ) -> PyResult<Self> {
         let config = configuration(settings, config.as_deref())?;
-        py.detach(|| Ok(Self { worker: ask_tell::Worker::new(prepared(config)?) }))
+        detached(py, || Ok(Self { worker: ask_tell::Worker::new(prepared(config)?) }))
     }
 
     /// Result of a task, to tell the Tuner.
     fn work<'py>(&self, py: Python<'py>, task: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let task = read("task", task)?;
-        let told = py.detach(|| self.worker.work(&task));
+        let told = detached(py, || self.worker.work(&task));
         written(py, &told.map_err(|problem| value("task", problem))?)
     }
 

@@ -15,6 +15,7 @@ use pyo3::types::{PyDict, PyTuple};
 use rayon::prelude::*;
 
 use crate::arguments::{array, shape_error, value};
+use crate::threads::detached;
 
 /// Waveforms that a thread takes at a time.
 const AT_A_TIME: usize = 64;
@@ -75,7 +76,7 @@ impl Detector {
             let problem = format!("expected {expected} samples a waveform, found {length}");
             return Err(value("codes", problem));
         }
-        let found: Vec<Vec<Echo>> = py.detach(|| {
+        let found: Vec<Vec<Echo>> = detached(py, || {
             let rows = codes.par_chunks_exact(length).with_min_len(AT_A_TIME);
             let find = |scratch: &mut Box<Scratch>, row: &[u16]| {
                 echoloop_kernels::process(&self.pipeline, row, scratch).to_vec()
@@ -135,7 +136,7 @@ fn rows(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<Rows> {
     py.import("numpy")?.call_method1("save", (&file, array))?;
     let bytes: Vec<u8> = file.call_method0("getvalue")?.extract()?;
     let from = Selection { name: None, kind: Kind::Received };
-    let rows = py.detach(|| parse_waveforms(Path::new(argument), bytes, &from));
+    let rows = detached(py, || parse_waveforms(Path::new(argument), bytes, &from));
     rows.map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
@@ -184,7 +185,7 @@ pub(crate) fn find_echoes<'py>(
         let problem = format!("expected 1 row or {}, as waves has, found {found}", waves.len());
         return Err(value("outgoing", problem));
     }
-    let found = py.detach(|| {
+    let found = detached(py, || {
         let waves = waves.with_polarity(polarity);
         let outgoing = outgoing.map(|outgoing| outgoing.with_polarity(polarity));
         let noise = Noise::of_rows(&waves);

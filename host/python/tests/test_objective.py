@@ -67,6 +67,18 @@ def test_what_cannot_be_judged_is_named(
         assert objective(candidate) == math.inf
 
 
+def test_settings_may_be_tables_and_numbers_of_numpy(objective: echoloop.Objective) -> None:
+    own = {
+        "scanner.columns": np.int64(80),
+        "scene.towns": np.array([5]),
+        "tune.warm_starts": [{"lidar.power": 30.0}],
+    }
+    same = echoloop.Objective({**SMALL, **own})
+    assert same({}) == objective({}) and same.axes == objective.axes
+    with pytest.raises(ValueError, match="scene.towns: expected numbers, words and lists"):
+        echoloop.Objective({"scene.towns": object()})
+
+
 @pytest.mark.parametrize(
     ("settings", "more", "said"),
     [

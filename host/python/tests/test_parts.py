@@ -1,6 +1,7 @@
 """Clouds, voxels, normals, features and matches."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import echoloop
 import numpy as np
@@ -37,6 +38,24 @@ def test_a_file_that_is_no_cloud_is_named(tmp_path: Path) -> None:
         echoloop.write_cloud(tmp_path / "a.doc", np.ones((3, 3)))
     with pytest.raises(ValueError, match="range_sd_m: expected 3 values, one a point, found 1"):
         echoloop.Cloud(np.ones((3, 3)), range_sd_m=[0.1])
+
+
+def test_an_object_with_points_has_a_deviation_for_each() -> None:
+    given = SimpleNamespace(points=np.ones((3, 3)))
+    assert echoloop.Cloud(given, range_sd_m=[0.1] * 3).range_sd_m is not None
+
+
+def test_voxels_of_survey_coordinates_lie_where_the_points_are(clouds: Clouds) -> None:
+    near = clouds[0].points.astype(np.float64)
+    offset = np.array([500_000.0, 5_400_000.0, 300.0])
+    found = echoloop.voxel_downsample(near + offset, 0.8)
+    assert found.dtype == np.float64
+    nearest = [np.linalg.norm(near + offset - at, axis=1).min() for at in found[::50]]
+    assert max(nearest) < 0.8
+    with pytest.raises(ValueError, match="points: expected them within 16384 m of the origin"):
+        echoloop.estimate_normals(near + offset, 1.0)
+    with pytest.raises(ValueError, match="subtract their centre"):
+        echoloop.fpfh(near + offset, near, 1.0)
 
 
 def test_normals_of_a_plane_face_the_sensor() -> None:

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from multiprocessing import get_context
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import echoloop
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 Clouds = tuple[echoloop.Cloud, echoloop.Cloud]
 Document = Callable[..., dict[str, Any]]
@@ -159,6 +161,19 @@ def test_a_prepared_target_serves_many_sources(clouds: Clouds) -> None:
         echoloop.Target(target, "mac")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="points: expected shape"):
         echoloop.Target(np.zeros(3))
+
+
+def registered(clouds: tuple[NDArray[Any], NDArray[Any]]) -> NDArray[np.float64]:
+    return echoloop.register(*clouds).target_from_source
+
+
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")  # of fork, which is meant
+def test_a_process_that_is_forked_off_has_threads_of_its_own(clouds: Clouds) -> None:
+    points = clouds[0].points, clouds[1].points
+    expected = registered(points)
+    with get_context("fork").Pool(2) as pool:
+        for found in pool.map_async(registered, [points] * 3).get(timeout=60):
+            assert (found == expected).all()
 
 
 def test_eight_threads_find_what_one_finds(clouds: Clouds) -> None:

@@ -7,6 +7,7 @@ import echoloop
 import numpy as np
 import pytest
 from conftest import Run
+from numpy.typing import NDArray
 
 SCENE = {"scene.source": "structured", "scene.towns": [5, 8]}
 SENSOR = {
@@ -48,6 +49,7 @@ def test_a_seed_is_of_the_noise_and_a_pose_of_the_view(
     cloud, pose = echoloop.scan(scene, sensor)
     noisy, _ = echoloop.scan(scene, sensor, pose, seed=77)
     assert not np.array_equal(noisy.points, cloud.points)
+    np.testing.assert_array_equal(echoloop.scan(scene, sensor, seed=77)[1], pose)
     ahead = pose.copy()
     ahead[:3, 3] += pose[:3, 0]  # a metre along x
     found = echoloop.register(cloud, echoloop.scan(scene, sensor, ahead)[0], "icp")
@@ -57,15 +59,31 @@ def test_a_seed_is_of_the_noise_and_a_pose_of_the_view(
 def test_points_lie_on_the_triangles(scene: echoloop.Scene, sensor: echoloop.Sensor) -> None:
     cloud, pose = echoloop.scan(scene, sensor)
     assert scene.vertices.dtype == np.float32 and scene.triangles.dtype == np.uint32
-    corners = scene.vertices[scene.triangles]
+    corners = scene.vertices[scene.triangles].astype(float)
     assert corners.shape[1:] == (3, 3)
-    at = cloud.points[np.argmin(np.linalg.norm(cloud.points, axis=1))] @ pose[:3, :3].T
-    at += pose[:3, 3]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    offsets = np.abs(np.einsum("td,td->t", normals, at - corners[:, 0]))
-    near = np.linalg.norm(corners.mean(axis=1) - at, axis=1) < 10
-    assert offsets[near].min() < 0.2
+
+    def off_m(at: NDArray[np.float64]) -> float:
+        """Distance along the beam to the nearest triangle that it meets."""
+        eye = pose[:3, 3]
+        way = (at - eye) / np.linalg.norm(at - eye)
+        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        across = np.cross(way, second)
+        size = np.einsum("td,td->t", first, across)
+        size[np.abs(size) < 1e-12] = np.inf
+        from_corner = eye - corners[:, 0]
+        u = np.einsum("td,td->t", from_corner, across) / size
+        turned = np.cross(from_corner, first)
+        v = turned @ way / size
+        range_m = np.einsum("td,td->t", second, turned) / size
+        meets = (u >= 0) & (v >= 0) & (u + v <= 1) & (range_m > 0)
+        ranges = range_m[meets]
+        return float(np.abs(ranges - np.linalg.norm(at - eye)).min()) if len(ranges) else np.inf
+
+    points = cloud.points[:: len(cloud.points) // 40]
+    off = [off_m(pose[:3, :3] @ point + pose[:3, 3]) for point in points]
+    assert np.median(off) < 0.02, off
+    turned = [off_m(pose[:3, :3].T @ point + pose[:3, 3]) for point in points]
+    assert np.median(turned) > 0.2, "not by another turn"
     assert repr(scene) == f"<Scene {scene.name}, {len(corners)} triangles>"
 
 

@@ -1,6 +1,7 @@
 """A search whose tasks run anywhere is the search of the program."""
 
 import json
+import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
@@ -69,15 +70,54 @@ def test_a_search_goes_on_where_it_was_left(program: dict[str, Any], tmp_path: P
         for task in tuner.ask():
             tuner.tell(worker.work(task))
     assert not tuner.done and tuner.result is None
-    assert 0 < len((run / "history.jsonl").read_text().splitlines())
+    assert 1 < len((run / "history.jsonl").read_text().splitlines()), "more than the header"
     with pytest.raises(ValueError, match=r"run\.lock.*another process"):
         echoloop.Tuner(run)
-    del tuner
-    tuner = echoloop.Tuner(run)  # with the configuration of the run
-    while not tuner.done:
-        for task in reversed(tuner.ask(3)):
-            tuner.tell(worker.work(task))
-    assert tuner.result == program
+    tuner.close()
+    with pytest.raises(ValueError, match=r"config\.toml is of another configuration"):
+        echoloop.Tuner(run, {**SMALL, "seed": 9})
+    with echoloop.Tuner(run) as tuner:  # with the configuration of the run
+        while not tuner.done:
+            for task in reversed(tuner.ask(3)):
+                tuner.tell(worker.work(task))
+        assert tuner.result == program
+    with echoloop.Tuner(run) as ended:
+        assert ended.done and ended.result == program and ended.ask() == []
+
+
+def test_a_folder_that_is_no_run_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "README.txt").write_text("mine")
+    with pytest.raises(ValueError, match="run: .*expected a run's folder"):
+        echoloop.Tuner(tmp_path, SMALL)
+    assert [path.name for path in tmp_path.iterdir()] == ["README.txt"]
+    assert (tmp_path / "README.txt").read_text() == "mine"
+
+
+def test_a_task_of_a_lost_worker_is_handed_out_again(tmp_path: Path) -> None:
+    with echoloop.Tuner(tmp_path / "run", SMALL) as tuner:
+        lost = tuner.ask()
+        began = time.monotonic()
+        assert tuner.ask(patience_s=0.3) == [] and time.monotonic() - began >= 0.3
+        assert tuner.ask(again=True) == lost and tuner.ask(1, again=True) == lost[:1]
+        worker = tuner.worker()
+        for task in tuner.ask(again=True):
+            assert tuner.tell(worker.work(task))
+        assert tuner.ask(), "the search goes on"
+        assert not tuner.tell(worker.work(lost[0])), "the lost worker is back"
+
+
+def test_a_result_of_the_search_before_is_not_taken_for_another_task(tmp_path: Path) -> None:
+    with echoloop.Tuner(tmp_path / "run", SMALL) as tuner:
+        worker = tuner.worker()
+        late = [worker.work(task) for task in tuner.ask()]
+        for result in late:
+            tuner.tell(result)
+        late = [worker.work(task) for task in tuner.ask()]
+    with echoloop.Tuner(tmp_path / "run") as tuner:
+        for result in late:
+            with pytest.raises(ValueError, match="no task|another task of that number"):
+                tuner.tell(result)
+        assert tuner.progress["done"] == 0
 
 
 def test_a_task_of_another_search_is_refused(tmp_path: Path) -> None:

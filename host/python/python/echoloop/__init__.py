@@ -30,6 +30,7 @@ from ._native import (
     voxel_downsample,
     write_cloud,
 )
+from ._native import __version__ as __version__
 
 __all__ = [
     "Cloud",

@@ -86,6 +86,7 @@ class Result(TypedDict):
 
     task: int
     search: Search
+    check: str
     result: dict[str, Any]
 
 
