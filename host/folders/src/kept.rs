@@ -4,7 +4,11 @@ use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
 
+use serde::{Deserialize, Serialize};
+
+use crate::list::PairFiles;
 use crate::record::Record;
 
 /// Name of the file of records, a line of JSON each after the line of the settings.
@@ -41,13 +45,82 @@ pub enum KeptError {
 pub struct Kept {
     folder: PathBuf,
     file: File,
-    done: BTreeMap<String, Record>,
+    done: BTreeMap<String, Line>,
+}
+
+/// Line of a record: what was found, and in which files.
+#[derive(Clone, Debug, Serialize)]
+struct Line {
+    #[serde(flatten)]
+    record: Record,
+    /// None when one was not there, and in folders that were begun before they were kept.
+    inputs: Option<Inputs>,
+}
+
+/// What a line has besides its record.
+#[derive(Deserialize)]
+struct Besides {
+    inputs: Option<Inputs>,
+}
+
+/// Files that a motion was found in, as they were then.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Inputs {
+    target: Stamp,
+    source: Stamp,
+    initial: Option<Stamp>,
+}
+
+/// A file as it was: another content has another size or time, as `make` and `git` take it too. A
+/// checksum would read a day of scans again only to find them done.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Stamp {
+    /// Path without links.
+    path: String,
+    bytes: u64,
+    /// Time of the last change, ns since 1970; 0 where the system does not tell.
+    modified_ns: u64,
+}
+
+impl Line {
+    /// Reads the record and the rest each by itself: serde cannot read a flattened number when
+    /// another crate of the program wants numbers as text (`arbitrary_precision`).
+    fn read(text: &str) -> Option<Self> {
+        let record = serde_json::from_str(text).ok()?;
+        let Besides { inputs } = serde_json::from_str(text).ok()?;
+        Some(Self { record, inputs })
+    }
+}
+
+impl Inputs {
+    /// None when a file is not there.
+    pub(crate) fn of(pair: &PairFiles) -> Option<Self> {
+        let initial = match &pair.initial {
+            Some(path) => Some(Stamp::of(path)?),
+            None => None,
+        };
+        Some(Self { target: Stamp::of(&pair.target)?, source: Stamp::of(&pair.source)?, initial })
+    }
+}
+
+impl Stamp {
+    fn of(path: &Path) -> Option<Self> {
+        let path = fs::canonicalize(path).ok()?;
+        let found = fs::metadata(&path).ok()?;
+        let since = found.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+        let modified_ns = since.and_then(|since| u64::try_from(since.as_nanos()).ok());
+        Some(Self {
+            path: path.to_string_lossy().into_owned(),
+            bytes: found.len(),
+            modified_ns: modified_ns.unwrap_or_default(),
+        })
+    }
 }
 
 impl Kept {
-    /// Makes the folder, or reads what is in it: pairs that are done are not done again, and those
-    /// that could not be tried are tried again. `settings` is a line of text, the same for the same
-    /// registration.
+    /// Makes the folder, or reads what is in it: pairs that are done are not done again, unless
+    /// their files have changed; those that could not be tried are tried again. `settings` is a
+    /// line of text, the same for the same registration.
     ///
     /// # Errors
     ///
@@ -79,25 +152,34 @@ impl Kept {
                 file.seek(SeekFrom::End(0)).map_err(io)?;
             }
         }
-        let records = lines.filter_map(|line| serde_json::from_str::<Record>(line).ok());
-        let tried = records.filter(|record| !record.is_untried());
-        let done = tried.map(|record| (record.name.clone(), record)).collect();
+        let tried = lines.filter_map(Line::read).filter(|line| !line.record.is_untried());
+        // The last line of a name is that of its laid source.
+        let done = tried.map(|line| (line.record.name.clone(), line)).collect();
         Ok(Self { folder: folder.to_owned(), file, done })
     }
 
-    /// Record of a pair that is done.
-    pub fn record(&self, name: &str) -> Option<&Record> {
-        self.done.get(name)
+    /// Record of a pair that is done: of the same files, unchanged, and with its source laid.
+    pub(crate) fn record(&self, pair: &PairFiles) -> Option<&Record> {
+        let Line { record, inputs } = self.done.get(&pair.name)?;
+        let is_laid = !record.converged || self.laid(&pair.name).exists();
+        (is_laid && inputs.is_some() && *inputs == Inputs::of(pair)).then_some(record)
     }
 
-    /// Adds a record.
+    /// True when the folder may have a source that was laid by a record of this name.
+    pub(crate) fn has_laid(&self, name: &str) -> bool {
+        self.done.get(name).is_some_and(|line| line.record.converged)
+    }
+
+    /// Adds a record. It replaces an earlier one of its name.
     ///
     /// # Errors
     ///
     /// [`KeptError::Io`].
-    pub fn add(&mut self, record: &Record) -> Result<(), KeptError> {
-        let written = self.file.write_all(record.to_json().as_bytes());
+    pub(crate) fn add(&mut self, record: &Record, inputs: Option<Inputs>) -> Result<(), KeptError> {
         let path = self.folder.join(RECORDS);
+        let line = Line { record: record.clone(), inputs };
+        let text = serde_json::to_string(&line).map_err(io::Error::other);
+        let written = text.and_then(|text| self.file.write_all((text + "\n").as_bytes()));
         written.and_then(|()| self.file.flush()).map_err(|error| KeptError::Io { path, error })
     }
 

@@ -9,7 +9,6 @@ use serde::{Deserialize, Serialize};
 
 /// One pair: what was found, or why it could not be tried.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Record {
     /// Name of the pair.
     pub name: String,
@@ -47,12 +46,7 @@ pub const CSV_HEADING: &str = "name,target,source,converged,stop,x_m,y_m,z_m,qx,
                                rotation_error_deg\n";
 
 impl Record {
-    pub(crate) fn of(
-        [name, target, source]: [String; 3],
-        outcome: &Outcome,
-        found: &Pose,
-        truth: Option<&Pose>,
-    ) -> Self {
+    pub(crate) fn of([name, target, source]: [String; 3], outcome: &Outcome, found: &Pose) -> Self {
         let rows = to_rows(found);
         let overlap = outcome.overlap;
         Self {
@@ -70,8 +64,23 @@ impl Record {
             supported: overlap.map(|overlap| overlap.supported()),
             known: overlap.map(|overlap| overlap.known()),
             lead: outcome.lead,
-            translation_error_m: truth.map(|truth| translation_error_m(found, truth)),
-            rotation_error_deg: truth.map(|truth| rotation_error_deg(found, truth)),
+            translation_error_m: None,
+            rotation_error_deg: None,
+        }
+    }
+
+    /// The record under the names that its pair and files have now.
+    pub(crate) fn named(self, [name, target, source]: [String; 3]) -> Self {
+        Self { name, target, source, ..self }
+    }
+
+    /// The record with the errors of its motion, or without any where the truth is not known.
+    pub(crate) fn judged(self, truth: Option<&Pose>) -> Self {
+        let both = self.motion().zip(truth);
+        Self {
+            translation_error_m: both.map(|(found, truth)| translation_error_m(&found, truth)),
+            rotation_error_deg: both.map(|(found, truth)| rotation_error_deg(&found, truth)),
+            ..self
         }
     }
 

@@ -74,6 +74,8 @@ fn what_is_done_is_kept_and_the_rest_goes_on() {
     let kept = fixture.read("done/registered.jsonl");
     assert_eq!(kept.lines().count(), 4, "settings, and a line a pair");
     assert_eq!(whole.stdout.matches(",true,").count(), 3, "{}", whole.stdout);
+    assert_eq!(fixture.succeed(&command).stdout, whole.stdout);
+    assert_eq!(fixture.read("done/registered.jsonl"), kept, "nothing is done again");
     let laid = fixture.bytes("done/001.ply");
     // As if it had ended within the second line.
     let cut = kept.find('\n').and_then(|end| kept[end + 1..].find('\n').map(|n| end + n + 60));
