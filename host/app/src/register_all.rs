@@ -1,7 +1,7 @@
 //! `echoloop register` of many pairs.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 use super::exit::{Failure, print};
@@ -12,7 +12,9 @@ use echoloop_closed_loop::run_folder::files::Output;
 use echoloop_closed_loop::search::Observer;
 use echoloop_clouds::pose::to_kitti;
 use echoloop_files::say;
-use echoloop_folders::{Batch, CSV_HEADING, Kept, PairFiles, Record, Tally, sequence, worst};
+use echoloop_folders::{
+    Batch, CSV_HEADING, Kept, PairFiles, Record, Tally, overwritten, sequence, worst,
+};
 use echoloop_registration::pair::Request;
 use echoloop_report::{RegisteredPage, ShownPair, fixed};
 
@@ -34,6 +36,7 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
     request.check(has_initial).map_err(Failure::usage)?;
     let truths = |poses| sequence::truths(&args.target, poses, pairs.len());
     let truths = args.truth.as_deref().map(truths).transpose().map_err(Failure::usage)?;
+    refuse_inputs(args, &pairs)?;
     let settings = settings(&request, args);
     let open = |folder| Kept::open(folder, &settings).map_err(Failure::usage);
     let mut kept = args.output.as_deref().map(open).transpose()?;
@@ -78,6 +81,24 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
     match tally.untried.len() {
         0 => Ok(()),
         untried => Err(Failure::usage(format!("{untried} pairs could not be tried"))),
+    }
+}
+
+/// Refuses outputs that are inputs: a scan laid in its own folder would be moved for good.
+fn refuse_inputs(args: &RegisterArgs, pairs: &[PairFiles]) -> Result<(), Failure> {
+    let kept = args.output.iter().flat_map(|folder| {
+        let chain = TRAJECTORIES.map(|name| folder.join(name));
+        Kept::files(folder, pairs).into_iter().chain(chain.into_iter().filter(|_| args.sequence))
+    });
+    let outputs: Vec<PathBuf> = kept.chain(args.report.clone()).collect();
+    let read: Vec<&Path> =
+        [Some(&*args.target), args.truth.as_deref()].into_iter().flatten().collect();
+    match overwritten(&outputs, pairs, &read) {
+        Some(path) => Err(Failure::usage(format!(
+            "{}: is an input, and would be overwritten: take another folder or name for the output",
+            path.display()
+        ))),
+        None => Ok(()),
     }
 }
 
@@ -148,12 +169,13 @@ const HEADS: [&str; 7] = [
     "lead, sd",
 ];
 
+/// Files of the chain of consecutive scans.
+const TRAJECTORIES: [&str; 2] = ["poses_kitti.txt", "poses_tum.txt"];
+
 /// Writes the chain of consecutive scans.
 fn trajectories(folder: &Path, records: &[Record]) -> Result<(), Failure> {
     let poses = sequence::chain(records);
-    for (name, text) in
-        [("poses_kitti.txt", to_kitti(&poses)), ("poses_tum.txt", sequence::to_tum(&poses))]
-    {
+    for (name, text) in TRAJECTORIES.into_iter().zip([to_kitti(&poses), sequence::to_tum(&poses)]) {
         let path = folder.join(name);
         fs::write(&path, text)
             .map_err(|error| Failure::run(format!("{}: {error}", path.display())))?;

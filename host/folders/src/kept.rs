@@ -183,8 +183,18 @@ impl Kept {
         written.and_then(|()| self.file.flush()).map_err(|error| KeptError::Io { path, error })
     }
 
-    /// File of the source of a pair in its target's frame.
-    pub fn laid(&self, name: &str) -> PathBuf {
-        self.folder.join(format!("{name}.ply"))
+    /// Files that a folder has of these pairs, once they are done.
+    pub fn files(folder: &Path, pairs: &[PairFiles]) -> Vec<PathBuf> {
+        let laid = pairs.iter().map(|pair| laid(folder, &pair.name));
+        laid.chain([folder.join(RECORDS)]).collect()
     }
+
+    /// File of the source of a pair in its target's frame.
+    pub(crate) fn laid(&self, name: &str) -> PathBuf {
+        laid(&self.folder, name)
+    }
+}
+
+fn laid(folder: &Path, name: &str) -> PathBuf {
+    folder.join(format!("{name}.ply"))
 }

@@ -6,6 +6,7 @@
 //! | register them on all cores, in order | [`Batch::run`] |
 //! | judge those whose truth is known, KITTI's sequences too | [`KnownPairs`] |
 //! | keep what is done, and go on later | [`Kept`] |
+//! | see that no input is overwritten | [`overwritten()`] |
 //! | chain consecutive scans to a trajectory | [`sequence`] |
 //! | write a line of each pair, and how many succeed | [`Record`], [`Tally`] |
 
@@ -14,6 +15,7 @@ mod kept;
 mod kitti;
 mod known;
 mod list;
+mod overwritten;
 mod record;
 pub mod sequence;
 
@@ -21,4 +23,5 @@ pub use batch::Batch;
 pub use kept::{Kept, KeptError};
 pub use known::{KnownError, KnownPair, KnownPairs, Tried};
 pub use list::{ListError, PairFiles};
+pub use overwritten::overwritten;
 pub use record::{CSV_HEADING, Record, Tally, worst};

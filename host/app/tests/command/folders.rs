@@ -97,6 +97,33 @@ fn what_is_done_is_kept_and_the_rest_goes_on() {
 }
 
 #[test]
+fn an_output_that_is_an_input_is_refused_before_any_work() {
+    let fixture = Fixture::new();
+    let row = "1 0 0 0 0 1 0 0 0 0 1 0\n";
+    ["drive", "apart"].iter().for_each(|name| {
+        fs::create_dir(fixture.path(name)).expect("a folder");
+    });
+    let written = ["1.ply", "2.ply", "3.ply"].map(|name| format!("drive/{name}"));
+    written.iter().for_each(|name| fixture.write(name, "a scan"));
+    let refuses = |arguments: &[&str], file: &str| {
+        let said = [&format!("{file}: is an input, and would be overwritten")[..]];
+        fixture.refuses(&[&["register", "-q", "--method", "icp"], arguments].concat(), &said);
+    };
+    refuses(&["drive", "--sequence", "-o", "drive"], "drive/2.ply");
+    refuses(&["drive", "--sequence", "-o", "apart/../drive/"], "drive/2.ply");
+    // A table names the pair as its source lies in the folder.
+    fixture.write("list.csv", "name,target,source\n3,drive/1.ply,drive/3.ply\n");
+    refuses(&["list.csv", "-o", "drive"], "drive/3.ply");
+    fixture.write("apart/poses_tum.txt", row.repeat(3));
+    let truth = ["drive", "--sequence", "--truth", "apart/poses_tum.txt", "-o", "apart"];
+    refuses(&truth, "apart/poses_tum.txt");
+    refuses(&["list.csv", "--report", "list.csv"], "list.csv");
+    assert!(written.iter().all(|name| fixture.read(name) == "a scan"));
+    let left = |folder| fs::read_dir(fixture.path(folder)).expect("a folder").count();
+    assert_eq!((left("drive"), left("apart")), (3, 1), "nothing is begun");
+}
+
+#[test]
 fn a_pair_that_cannot_be_read_is_named_and_the_others_are_done() {
     let fixture = Fixture::new();
     pairs(&fixture);
