@@ -103,7 +103,7 @@ impl Batch<'_> {
 
     /// Target and source in one frame; the source with all columns, if it is to be written.
     fn read(&self, index: usize, whole: bool) -> Result<(Recorded, Recorded), String> {
-        self.pairs[index].read(self.scales, whole).map_err(|error| error.to_string())
+        self.pairs[index].read(self.scales, whole)
     }
 
     fn make(&self, index: usize, work: Work) -> Made {
@@ -112,7 +112,7 @@ impl Batch<'_> {
         let names = [pair.name.clone(), target, source];
         // Before they are read: files that change meanwhile are done again.
         let inputs = work.done.is_none().then(|| Inputs::of(pair));
-        let tried = self.truth(index).and_then(|truth| {
+        let tried = pair.check().and_then(|()| self.truth(index)).and_then(|truth| {
             let record = match work.done {
                 Some(done) => done.named(names.clone()),
                 None => self.tried(index, work.laid.as_deref(), work.has_old, names.clone())?,

@@ -88,6 +88,7 @@ impl KnownPairs {
             source: scans[source].clone(),
             initial: None,
             truth: None,
+            problem: None,
         };
         let truth = |&[target, source]: &[usize; 2]| relative(&poses[target], &poses[source]);
         let pairs = drawn.iter().map(pair).collect();
@@ -131,12 +132,13 @@ impl KnownPairs {
 
     fn read(&self, index: usize) -> Result<KnownPair, String> {
         let pair = &self.pairs[index];
+        pair.check()?; // before its truth, which may be in no place either
         let truth = match (self.truths.get(index), &pair.truth) {
             (Some(truth), _) => *truth,
             (None, Some(path)) => read_pose(path).map_err(|error| error.to_string())?,
             (None, None) => return Err(pair.without_truth()),
         };
-        let (target, source) = pair.read([1.0; 2], false).map_err(|error| error.to_string())?;
+        let (target, source) = pair.read([1.0; 2], false)?;
         let frames = Frames::new(&target, &source);
         Ok(KnownPair {
             initial: frames.inside(&Pose::identity()),
@@ -193,6 +195,7 @@ mod tests {
         let folder = folder(
             &[own, broken, lone, bent, last].concat().into_iter().chain(truths).collect::<Vec<_>>(),
         );
+        fs::write(folder.path().join("f_target.xyz"), "1 0 0\n").unwrap();
         let pairs = KnownPairs::list(folder.path(), 2.0).unwrap();
         let told = AtomicUsize::new(0);
         let count = || {
@@ -206,10 +209,11 @@ mod tests {
             ["b: ", "b_source.xyz: ", "line 1"],
             ["c: ", "c_target.xyz: ", "expected its truth, in c_target_from_source.txt or"],
             ["d: ", "d_target_from_source.txt: ", "found 4 numbers"],
+            ["f: ", "expected both f_target.*", "f_source.*"],
         ]) {
             assert!(why.starts_with(name) && why.contains(file) && why.contains(said), "{why}");
         }
-        assert_eq!((tried.untried.len(), told.into_inner(), pairs.len()), (3, 5, 5));
+        assert_eq!((tried.untried.len(), told.into_inner(), pairs.len()), (4, 6, 6));
         let stopped = pairs.each(&seen, &AtomicBool::new(true), &|| ());
         assert_eq!((stopped.done.len(), stopped.untried.len()), (0, 0));
     }
@@ -260,8 +264,6 @@ mod tests {
         assert!(file.contains("a.ply: expected a folder of pairs, a table of them"), "{file}");
         let empty = said(&[("a/pairs.json", "")], "a");
         assert!(empty.contains("expected NAME_target.* and NAME_source.*, or scans"), "{empty}");
-        let lone = said(&[("a_target.ply", ""), ("a_target_from_source.txt", TRUTH)], "");
-        assert!(lone.ends_with("expected both a_target.* and a_source.*"), "{lone}");
         let unposed = said(&[("velodyne/0.bin", "")], "");
         assert!(unposed.contains("expected a pose of each scan in"), "{unposed}");
         let less = said(&[("0.ply", ""), ("1.ply", ""), ("poses.txt", TRUTH)], "");

@@ -17,14 +17,16 @@ use crate::kitti;
 pub struct PairFiles {
     /// Name, unlike that of any other pair of the list.
     pub name: String,
-    /// The cloud that stays.
+    /// The cloud that stays; empty where the list has none.
     pub target: PathBuf,
-    /// The cloud that moves.
+    /// The cloud that moves; empty where the list has none.
     pub source: PathBuf,
     /// File of an initial guess of `target_from_source`.
     pub initial: Option<PathBuf>,
     /// File of the true `target_from_source`.
     pub truth: Option<PathBuf>,
+    /// Why the pair cannot be tried, of one that the list does not tell whole.
+    pub problem: Option<String>,
 }
 
 /// Pairs that cannot be listed.
@@ -52,6 +54,9 @@ impl PairFiles {
     /// `NAME_target_from_source.txt`, as `echoloop pairs` writes them, and initial guesses as
     /// `NAME_initial.txt`. A table, CSV with a heading, has columns `target` and `source`, and may
     /// have `name`, `initial` and `truth`; its paths begin where it lies.
+    ///
+    /// A pair that lacks a file, or has two for one, comes with its problem, so that the others can
+    /// be done.
     ///
     /// # Errors
     ///
@@ -81,6 +86,7 @@ impl PairFiles {
             source: two[1].clone(),
             initial: None,
             truth: None,
+            problem: None,
         };
         match scans.len() {
             0 | 1 => Err(fail(format!("expected scans, {}; found {}", kinds(), scans.len()))),
@@ -93,14 +99,22 @@ impl PairFiles {
     ///
     /// # Errors
     ///
-    /// [`CloudError`] names the file.
-    pub fn read(&self, scales: [f64; 2], whole: bool) -> Result<(Recorded, Recorded), CloudError> {
+    /// The pair's problem, else the file that cannot be read, and why.
+    pub fn read(&self, scales: [f64; 2], whole: bool) -> Result<(Recorded, Recorded), String> {
+        self.check()?;
+        let said = |error: CloudError| error.to_string();
         let read = if whole { read_recorded } else { read_points };
-        let ((mut target, _), (mut source, _)) = (read_points(&self.target)?, read(&self.source)?);
+        let (mut target, _) = read_points(&self.target).map_err(said)?;
+        let (mut source, _) = read(&self.source).map_err(said)?;
         target.scale(scales[0]);
         source.scale(scales[1]);
         in_one_frame(&target, &mut source);
         Ok((target, source))
+    }
+
+    /// The pair's problem, if the list does not tell it whole.
+    pub(crate) fn check(&self) -> Result<(), String> {
+        self.problem.clone().map_or(Ok(()), Err)
     }
 
     /// The reason why a pair cannot be judged that has no file of its truth.
@@ -160,7 +174,7 @@ pub(crate) fn is_csv(path: &Path) -> bool {
 }
 
 fn of_folder(folder: &Path) -> Result<Vec<PairFiles>, String> {
-    let mut halves: BTreeMap<String, [Option<PathBuf>; 2]> = BTreeMap::new();
+    let mut halves: BTreeMap<String, [Vec<PathBuf>; 2]> = BTreeMap::new();
     for path in clouds(folder).map_err(|error| error.to_string())? {
         let stem = stem(&path);
         if is_motion(&stem) {
@@ -168,22 +182,18 @@ fn of_folder(folder: &Path) -> Result<Vec<PairFiles>, String> {
         }
         for (half, suffix) in [TARGET, SOURCE].into_iter().enumerate() {
             if let Some(name) = stem.strip_suffix(suffix) {
-                let own = &mut halves.entry(name.to_owned()).or_default()[half];
-                if let Some(other) = own.replace(path.clone()) {
-                    return Err(format!("expected one {name}{suffix}.*, found {other:?} as well"));
-                }
+                halves.entry(name.to_owned()).or_default()[half].push(path.clone());
             }
         }
     }
     let beside = |name: &str, suffix: &str| {
         Some(folder.join(format!("{name}{suffix}"))).filter(|path| path.exists())
     };
-    let pair = |(name, halves): (String, [Option<PathBuf>; 2])| {
-        let [Some(target), Some(source)] = halves else {
-            return Err(format!("expected both {name}{TARGET}.* and {name}{SOURCE}.*"));
-        };
+    let pair = |(name, halves): (String, [Vec<PathBuf>; 2])| {
+        let problem = halves_problem(&name, &halves);
+        let [target, source] = halves.map(|half| half.into_iter().next().unwrap_or_default());
         let (initial, truth) = (beside(&name, INITIAL), beside(&name, TRUTH));
-        Ok(PairFiles { name, target, source, initial, truth })
+        PairFiles { name, target, source, initial, truth, problem }
     };
     match halves.is_empty() {
         true => Err(format!(
@@ -191,8 +201,21 @@ fn of_folder(folder: &Path) -> Result<Vec<PairFiles>, String> {
              scans",
             kinds()
         )),
-        false => halves.into_iter().map(pair).collect(),
+        false => Ok(halves.into_iter().map(pair).collect()),
     }
+}
+
+/// What is wrong with the files found of a pair, which are to be one target and one source.
+fn halves_problem(name: &str, halves: &[Vec<PathBuf>; 2]) -> Option<String> {
+    if halves.iter().any(Vec::is_empty) {
+        return Some(format!("expected both {name}{TARGET}.* and {name}{SOURCE}.*"));
+    }
+    let mut named = [TARGET, SOURCE].into_iter().zip(halves);
+    named.find_map(|(suffix, half)| {
+        let [one, other, ..] = &half[..] else { return None };
+        let (one, other) = (one.display(), other.display());
+        Some(format!("expected one {name}{suffix}.*, found {one} and {other}"))
+    })
 }
 
 fn of_table(path: &Path) -> Result<Vec<PairFiles>, String> {
@@ -201,6 +224,7 @@ fn of_table(path: &Path) -> Result<Vec<PairFiles>, String> {
     }
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
+        .flexible(true)
         .from_path(path)
         .map_err(|error| error.to_string())?;
     let heading = reader.headers().map_err(|error| error.to_string())?.clone();
@@ -221,24 +245,28 @@ fn of_table(path: &Path) -> Result<Vec<PairFiles>, String> {
     for (row, record) in (1..).zip(reader.records()) {
         let record = record.map_err(|error| error.to_string())?;
         let at = |column: usize| record.get(column).filter(|cell| !cell.is_empty());
-        let file = |name: &str| column(name).and_then(at).map(|cell| folder.join(cell));
-        let (Some(target), Some(source)) = (at(target), at(source)) else {
-            return Err(format!("row {row} lacks its target or source"));
-        };
-        let name = column("name").and_then(at).map_or_else(|| row.to_string(), str::to_owned);
+        let cell = |name: &str| column(name).and_then(at);
+        let file = |name: &str| cell(name).map(|cell| folder.join(cell));
+        let name = cell("name").map_or_else(|| row.to_string(), str::to_owned);
         if pairs.iter().any(|pair| pair.name == name) {
             return Err(format!("row {row}: another pair has the name {name}"));
         }
         if name.contains(['/', '\\']) || name.chars().any(char::is_control) {
             return Err(format!("row {row}: expected a name that a file can have, found {name:?}"));
         }
-        pairs.push(PairFiles {
-            name,
-            target: folder.join(target),
-            source: folder.join(source),
-            initial: file("initial"),
-            truth: file("truth"),
-        });
+        let (target, source) = (at(target), at(source));
+        let problem = if record.len() != heading.len() {
+            let (found, expected) = (record.len(), heading.len());
+            Some(format!("row {row}: expected {expected} cells, as its heading, found {found}"))
+        } else if target.is_none() || source.is_none() {
+            Some(format!("row {row} lacks its target or source"))
+        } else {
+            None
+        };
+        let [target, source] =
+            [target, source].map(|cell| cell.map(|cell| folder.join(cell)).unwrap_or_default());
+        let (initial, truth) = (file("initial"), file("truth"));
+        pairs.push(PairFiles { name, target, source, initial, truth, problem });
     }
     if pairs.is_empty() { Err("has no pair".into()) } else { Ok(pairs) }
 }
@@ -295,11 +323,6 @@ mod tests {
 
     #[test]
     fn what_is_no_list_is_named() {
-        let pair = [("a_target.ply", ""), ("a_source.ply", "")];
-        let lone = said(&[pair[0], ("b_target.ply", ""), ("b_source.ply", "")], "");
-        assert_eq!(lone, "expected both a_target.* and a_source.*");
-        let twice = said(&[pair[0], pair[1], ("a_target.pcd", "")], "");
-        assert!(twice.starts_with("expected one a_target.*"), "{twice}");
         assert!(said(&[("scan.ply", "")], "").ends_with("--sequence registers consecutive scans"));
         let table = |text| said(&[("p.csv", text)], "p.csv");
         assert!(
@@ -307,11 +330,41 @@ mod tests {
         );
         assert!(table("target,source,trust\n").ends_with("found trust"));
         assert_eq!(table("target,source\n"), "has no pair");
-        assert_eq!(table("target,source\na.ply,\n"), "row 1 lacks its target or source");
         let same = table("name,target,source\nx,a,b\nx,c,d\n");
         assert_eq!(same, "row 2: another pair has the name x");
         assert!(table("name,target,source\n../x,a,b\n").contains("that a file can have"));
         assert!(said(&[("a.ply", "")], "a.ply").starts_with("expected a folder of pairs"));
+    }
+
+    #[test]
+    fn a_pair_that_is_not_whole_has_its_problem_and_the_others_have_none() {
+        let problems = |files: &[(&str, &str)], path: &str| {
+            let folder = folder(files);
+            let pairs = PairFiles::list(&folder.path().join(path)).unwrap();
+            pairs.into_iter().map(|pair| (pair.name, pair.problem)).collect::<Vec<_>>()
+        };
+        let names =
+            ["a_target.ply", "b_source.ply", "c_target.pcd", "c_target.ply", "c_source.ply"];
+        let whole = ["d_target.ply", "d_source.ply"];
+        let files: Vec<(&str, &str)> =
+            names.into_iter().chain(whole).map(|name| (name, "")).collect();
+        let [a, b, c, d] = problems(&files, "").try_into().unwrap();
+        assert_eq!(a, ("a".into(), Some("expected both a_target.* and a_source.*".into())));
+        assert_eq!(b, ("b".into(), Some("expected both b_target.* and b_source.*".into())));
+        let twice = c.1.unwrap();
+        assert!(
+            twice.starts_with("expected one c_target.*, found ") && twice.contains(".pcd and ")
+        );
+        assert_eq!(d, ("d".into(), None));
+        let rows = "a.ply,\n,b.ply\nc.ply\nd.ply,e.ply,f.ply\ng.ply,h.ply\n";
+        let found = problems(&[("p.csv", &format!("target,source\n{rows}"))], "p.csv");
+        let lacks = |row| Some(format!("row {row} lacks its target or source"));
+        let cells = |row, found| {
+            Some(format!("row {row}: expected 2 cells, as its heading, found {found}"))
+        };
+        let expected = [lacks(1), lacks(2), cells(3, 1), cells(4, 3), None];
+        let expected = (1..).map(|row| row.to_string()).zip(expected);
+        assert_eq!(found, expected.collect::<Vec<(String, Option<String>)>>());
     }
 
     #[test]

@@ -48,6 +48,7 @@ mod tests {
             source: folder.join("s.ply"),
             initial: Some(folder.join("i.txt")),
             truth: Some(folder.join("m.txt")),
+            problem: None,
         }
     }
 

@@ -139,6 +139,39 @@ fn a_pair_that_cannot_be_read_is_named_and_the_others_are_done() {
 }
 
 #[test]
+fn a_pair_that_is_not_whole_is_named_and_the_others_are_done() {
+    let fixture = Fixture::new();
+    fixture.succeed(&["pairs", "-q", "-c", "small.toml", "-o", "pairs"]);
+    fs::rename(fixture.path("pairs/000_source.ply"), fixture.path("lone.ply")).expect("renamed");
+    fixture.write("pairs/001_source.pcd", "");
+    let list = "name,target,source,truth\n\
+                a,,lone.ply,\n\
+                b,pairs/002_target.ply\n\
+                c,pairs/002_target.ply,pairs/002_source.ply,pairs/002_target_from_source.txt\n";
+    fixture.write("list.csv", list);
+    let lone = "000: expected both 000_target.* and 000_source.*";
+    let two = "001: expected one 001_source.*, found pairs/001_source.pcd and";
+    let lacks = "a: row 1 lacks its target or source";
+    let cells = "b: row 2: expected 4 cells, as its heading, found 2";
+    for (path, whole, said) in [("pairs", "002", [lone, two]), ("list.csv", "c", [lacks, cells])] {
+        let register = ["register", path, "--method", "icp", "--json"];
+        let registered = fixture.run(&register);
+        let judged = fixture.run(&["evaluate", "-c", "small.toml", "--pairs", path, "--json"]);
+        for told in [&registered, &judged] {
+            assert_eq!(told.code, Some(2), "{}", told.stderr);
+            for said in said.iter().chain(&["2 pairs could not be tried"]) {
+                assert!(told.stderr.contains(said), "{said} in {}", told.stderr);
+            }
+        }
+        let records = lines(&registered.stdout);
+        assert_eq!((records.len(), &records[2]["name"]), (3, &json!(whole)));
+        assert!(records[2]["target_from_source"].is_array(), "{}", records[2]);
+        let judged: Value = serde_json::from_str(&judged.stdout).expect("a document");
+        assert_eq!(judged["names"], json!([whole]));
+    }
+}
+
+#[test]
 fn a_sequence_is_chained_to_a_trajectory() {
     let fixture = Fixture::new();
     pairs(&fixture);
