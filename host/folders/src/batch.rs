@@ -2,14 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::{fs, io};
 
 use echoloop_clouds::pose::read_pose;
 use echoloop_clouds::{Cloud, Pose, Recorded, write_recorded};
 use echoloop_registration::pair::Request;
-use rayon::prelude::*;
 
 use crate::kept::{Inputs, Kept, KeptError};
 use crate::list::PairFiles;
@@ -56,7 +55,7 @@ impl Batch<'_> {
     /// Registers the pairs on all cores. Each record is kept and told in the order of the list, as
     /// soon as those before it are done; records that are kept already are told again, judged by
     /// the truth as it is now. A pair that cannot be read has a record that says why, and the
-    /// others go on. Ends early once `stop` is set, with the records so far.
+    /// others go on. Once `stop` is set no pair is begun, and the records are all that are done.
     ///
     /// # Errors
     ///
@@ -76,15 +75,25 @@ impl Batch<'_> {
         let work: Vec<Work> = self.pairs.iter().map(work).collect();
         let (next, waiting, records) = (0, BTreeMap::new(), Vec::new());
         let in_order = Mutex::new(InOrder { next, waiting, records, kept, told });
-        work.into_par_iter().enumerate().try_for_each(|(index, work)| {
-            if stop.load(Ordering::Relaxed) {
+        // Handed out one by one: halves of the list would end with half of it waiting.
+        let handed_out = AtomicUsize::new(0);
+        let has_failed = AtomicBool::new(false);
+        let on_each_thread = || loop {
+            let index = handed_out.fetch_add(1, Ordering::Relaxed);
+            let Some(work) = work.get(index).filter(|_| !has_failed.load(Ordering::Relaxed)) else {
                 return Ok(());
+            };
+            if work.done.is_none() && stop.load(Ordering::Relaxed) {
+                continue; // what is done already is told all the same
             }
             let made = self.make(index, work);
             let mut in_order = in_order.lock().unwrap_or_else(PoisonError::into_inner);
-            in_order.add(index, made)
-        })?;
-        Ok(in_order.into_inner().unwrap_or_else(PoisonError::into_inner).records)
+            in_order.add(index, made).inspect_err(|_| has_failed.store(true, Ordering::Relaxed))?;
+        };
+        let ended: Result<(), KeptError> =
+            rayon::broadcast(|_| on_each_thread()).into_iter().collect();
+        ended?;
+        Ok(in_order.into_inner().unwrap_or_else(PoisonError::into_inner).end())
     }
 
     /// Clouds of a pair: its target and source as given, and with the source moved by a motion. Of
@@ -106,15 +115,15 @@ impl Batch<'_> {
         self.pairs[index].read(self.scales, whole)
     }
 
-    fn make(&self, index: usize, work: Work) -> Made {
+    fn make(&self, index: usize, work: &Work) -> Made {
         let pair = &self.pairs[index];
         let [target, source] = [&pair.target, &pair.source].map(|path| path.display().to_string());
         let names = [pair.name.clone(), target, source];
         // Before they are read: files that change meanwhile are done again.
         let inputs = work.done.is_none().then(|| Inputs::of(pair));
         let tried = pair.check().and_then(|()| self.truth(index)).and_then(|truth| {
-            let record = match work.done {
-                Some(done) => done.named(names.clone()),
+            let record = match &work.done {
+                Some(done) => done.clone().named(names.clone()),
                 None => self.tried(index, work.laid.as_deref(), work.has_old, names.clone())?,
             };
             Ok(record.judged(truth.as_ref()))
@@ -173,11 +182,22 @@ impl InOrder<'_> {
         }
         self.waiting.insert(index, record);
         while let Some(record) = self.waiting.remove(&self.next) {
-            (self.told)(&record);
-            self.records.push(record);
+            self.tell(record);
             self.next += 1;
         }
         Ok(())
+    }
+
+    fn tell(&mut self, record: Record) {
+        (self.told)(&record);
+        self.records.push(record);
+    }
+
+    /// Tells those that waited for pairs that are left out.
+    fn end(mut self) -> Vec<Record> {
+        let waiting = std::mem::take(&mut self.waiting);
+        waiting.into_values().for_each(|record| self.tell(record));
+        self.records
     }
 }
 
@@ -335,6 +355,66 @@ mod tests {
         let (none, why) = error_m(Some("1 0 0"));
         assert!(none.is_none() && why.unwrap().contains("x_target_from_source.txt"));
         assert_eq!(error_m(None), (None, None), "no error of a truth that is gone");
+    }
+
+    /// Registers a table of so many pairs, all alike, on two threads. `told` hears of each record
+    /// and may stop. Numbers of the records told, and of the lines kept.
+    fn on_two_threads(
+        home: &Path,
+        count: usize,
+        stop: &AtomicBool,
+        told: &mut (dyn FnMut(&Record) + Send),
+    ) -> [Vec<usize>; 2] {
+        if !home.join("a").exists() {
+            folder(&home.join("a"), &[("x", 0.3)]);
+        }
+        let row = "a/x_target.xyz,a/x_source.xyz\n";
+        fs::write(home.join("p.csv"), format!("target,source\n{}", row.repeat(count))).unwrap();
+        let (pairs, request) = (PairFiles::list(&home.join("p.csv")).unwrap(), request());
+        let batch = Batch { pairs: &pairs, truths: &[], request: &request, scales: [1.0; 2] };
+        let mut kept = Kept::open(&home.join("done"), "settings").unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+        let mut heard = 0;
+        let mut both = |record: &Record| {
+            heard += 1;
+            told(record);
+        };
+        let records = pool.install(|| batch.run(Some(&mut kept), stop, &mut both)).unwrap();
+        let text = fs::read_to_string(home.join("done/registered.jsonl")).unwrap();
+        let lines = text.lines().skip(1).map(|line| serde_json::from_str(line).unwrap());
+        let number = |record: Record| record.name.parse::<usize>().unwrap() - 1;
+        let told: Vec<usize> = records.into_iter().map(number).collect();
+        assert_eq!(told.len(), heard);
+        [told, lines.map(number).collect()]
+    }
+
+    #[test]
+    fn pairs_are_done_nearly_in_the_order_in_which_they_are_told() {
+        let home = TempDir::new().unwrap();
+        let never = AtomicBool::new(false);
+        let [told, kept] = on_two_threads(home.path(), 40, &never, &mut |_| ());
+        assert_eq!(told, (0..40).collect::<Vec<usize>>());
+        for done in 1..=kept.len() {
+            let last = kept[..done].iter().max().unwrap();
+            let waited_for = last + 1 - done;
+            assert!(waited_for <= 1, "the other thread works on one pair: {kept:?}");
+        }
+    }
+
+    #[test]
+    fn all_that_is_done_is_told_after_an_interrupt() {
+        let home = TempDir::new().unwrap();
+        let stop = AtomicBool::new(false);
+        let at_first = &mut |_: &Record| stop.store(true, Ordering::Relaxed);
+        let [told, mut kept] = on_two_threads(home.path(), 40, &stop, at_first);
+        kept.sort();
+        assert!(told == kept && told.len() < 40, "{told:?} told, {kept:?} kept");
+        let never = AtomicBool::new(false);
+        on_two_threads(home.path(), 40, &never, &mut |_| ());
+        // Begun again and stopped at once: one is to do, and the others are done.
+        fs::remove_file(home.path().join("done/3.ply")).unwrap();
+        let [told, _] = on_two_threads(home.path(), 40, &stop, &mut |_| ());
+        assert_eq!(told, (0..40).filter(|&number| number != 2).collect::<Vec<usize>>());
     }
 
     #[test]
