@@ -17,6 +17,7 @@ use echoloop_closed_loop::parameters::{Parameters, Values, values_json};
 use echoloop_closed_loop::search::Observer;
 use echoloop_files::say;
 use echoloop_folders::{KnownPair, KnownPairs, Tried};
+use echoloop_registration::pair::RequestError;
 use echoloop_report::named_pair_errors_csv;
 
 /// Judges the configuration's registration, with a candidate's values laid over it.
@@ -31,6 +32,11 @@ pub(super) fn run(
     let laid = Parameters::start(config, &device)?.with_values(values, config, &device);
     let parameters = laid.map_err(|problem| args.refused(problem))?;
     let pairs = KnownPairs::list(path, config.data.hard_baseline_m()).map_err(Failure::usage)?;
+    let method = parameters.registration.method.method();
+    if pairs.have_initial() && method.is_rough() {
+        let error = RequestError::Initial(method);
+        return Err(Failure::usage(format!("{}: {error}", path.display())));
+    }
     let stop = stop_on_interrupt();
     let progress = Progress::new(args.setup.common.quiet);
     progress.begin("judging", pairs.len() as u64);

@@ -1,6 +1,6 @@
 //! Pairs whose true motion is known: of a folder, of a table, or of a sequence with poses.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use echoloop_clouds::pose::{read_pose, relative};
@@ -26,7 +26,8 @@ pub struct KnownPairs {
 pub struct KnownPair {
     /// Target and source, m, each in its own frame. Survey coordinates have a shift taken out.
     pub clouds: [Cloud; 2],
-    /// The identity between the frames of the files, `target_from_source` of the clouds.
+    /// The pair's guess, else the identity between the frames of the files: `target_from_source` of
+    /// the clouds.
     pub initial: Pose,
     /// The truth, `target_from_source` of the clouds.
     pub truth: Pose,
@@ -101,6 +102,11 @@ impl KnownPairs {
         self.pairs.len()
     }
 
+    /// True when a pair has a file of an initial guess.
+    pub fn have_initial(&self) -> bool {
+        self.pairs.iter().any(|pair| pair.initial.is_some())
+    }
+
     /// Reads each pair on all cores and hands it over with its index in the list. A pair that
     /// cannot be read, or has no truth, is left out with the reason; `told` is called after each.
     /// Ends early once `stop` is set.
@@ -133,15 +139,17 @@ impl KnownPairs {
     fn read(&self, index: usize) -> Result<KnownPair, String> {
         let pair = &self.pairs[index];
         pair.check()?; // before its truth, which may be in no place either
+        let pose = |path: &PathBuf| read_pose(path).map_err(|error| error.to_string());
         let truth = match (self.truths.get(index), &pair.truth) {
             (Some(truth), _) => *truth,
-            (None, Some(path)) => read_pose(path).map_err(|error| error.to_string())?,
+            (None, Some(path)) => pose(path)?,
             (None, None) => return Err(pair.without_truth()),
         };
+        let initial = pair.initial.as_ref().map(pose).transpose()?.unwrap_or_default();
         let (target, source) = pair.read([1.0; 2], false)?;
         let frames = Frames::new(&target, &source);
         Ok(KnownPair {
-            initial: frames.inside(&Pose::identity()),
+            initial: frames.inside(&initial),
             truth: frames.inside(&truth),
             clouds: [target.cloud, source.cloud],
         })
@@ -252,6 +260,28 @@ mod tests {
         let (missed, initial) = &tried.done[0].1;
         assert!(missed.norm() < 1e-6, "{missed}");
         assert_eq!(*initial, Pose::identity());
+        // A guess is in the frames of the files, too: about their origin, 500 km off.
+        let turned = "0 -1 0 500000 1 0 0 -500000 0 0 1 0\n";
+        fs::write(folder.path().join("a_initial.txt"), turned).unwrap();
+        let pairs = KnownPairs::list(folder.path(), 2.0).unwrap();
+        let tried = pairs.each(&laid, &AtomicBool::new(false), &|| ());
+        let near_m = tried.done[0].1.1.translation.vector.norm();
+        assert!(near_m < 10.0, "{near_m}");
+    }
+
+    #[test]
+    fn a_pair_begins_at_its_guess_and_is_not_tried_without_the_file_it_names() {
+        let table = "target,source,truth,initial\na.xyz,b.xyz,t.txt,g.txt\n\
+                     a.xyz,b.xyz,t.txt,none.txt\na.xyz,b.xyz,t.txt,\n";
+        let clouds = [("a.xyz", "1 0 0\n"), ("b.xyz", "2 0 0\n"), ("t.txt", TRUTH)];
+        let more = [("p.csv", table), ("g.txt", "1 0 0 9 0 1 0 0 0 0 1 0\n")];
+        let folder = folder(&[&clouds[..], &more].concat());
+        let pairs = KnownPairs::list(&folder.path().join("p.csv"), 2.0).unwrap();
+        let x = |_, pair: &KnownPair| pair.initial.translation.vector.x;
+        let Tried { done, untried } = pairs.each(&x, &AtomicBool::new(false), &|| ());
+        assert_eq!(done, [("1".to_owned(), 9.0), ("3".to_owned(), 0.0)]);
+        assert!(untried.len() == 1 && untried[0].starts_with("2: "), "{untried:?}");
+        assert!(untried[0].contains("none.txt") && pairs.have_initial(), "{untried:?}");
     }
 
     #[test]

@@ -314,6 +314,32 @@ fn a_pair_that_cannot_be_judged_is_named_and_the_others_are_judged() {
 }
 
 #[test]
+fn a_judged_pair_begins_at_its_guess_where_the_method_takes_one() {
+    let fixture = Fixture::new();
+    fixture.succeed(&["pairs", "-q", "-c", "small.toml", "-o", "pairs"]);
+    let translation_m = |more: &[&str]| {
+        let document = evaluate(&fixture, "pairs", &[&["--json"], more].concat()).json();
+        errors(&document)[1]["translation_m"].as_f64().expect("an error")
+    };
+    let near_m = translation_m(&[]);
+    fixture.write("pairs/001_initial.txt", "1 0 0 30 0 1 0 30 0 0 1 0\n");
+    let far_m = translation_m(&[]);
+    assert!(near_m < 0.5 && far_m > 5.0, "{near_m} m from the identity, {far_m} m from 42 m off");
+    for method in ["fgr", "mac"] {
+        fixture.refuses(
+            &[&EVALUATE[..], &["--pairs", "pairs", "--method", method]].concat(),
+            &[&format!("pairs: {method} searches everywhere, and takes no initial guess")],
+        );
+    }
+    fs::remove_file(fixture.path("pairs/001_initial.txt")).expect("removed");
+    let row = "a,pairs/002_target.ply,pairs/002_source.ply,pairs/002_target_from_source.txt";
+    fixture.write("list.csv", format!("name,target,source,truth,initial\n{row},nofile.txt\n"));
+    let told = evaluate(&fixture, "list.csv", &[]);
+    assert_eq!(told.code, Some(2), "{}", told.stderr);
+    assert!(told.stderr.contains("not tried: a: nofile.txt: "), "{}", told.stderr);
+}
+
+#[test]
 fn pairs_that_are_neither_a_set_nor_files_are_refused() {
     let fixture = Fixture::new();
     fixture.succeed(&["pairs", "-q", "-c", "small.toml", "-o", "pairs"]);
