@@ -90,9 +90,12 @@ pub fn poses(folder: &Path, file: &Path, scans: usize) -> Result<Vec<Pose>, File
     Ok(poses.iter().map(|of_camera| of_camera.pose * camera_from_velodyne).collect())
 }
 
-/// Folder of the sequence: that above, if the scans' own is given.
+/// Folder of the sequence: that above, if the scans' own is given, as `.` within it too. A path
+/// that says `velodyne` is taken at its word: that may be a link to a disk for scans alone.
 fn sequence_of(folder: &Path) -> PathBuf {
-    match folder.parent().filter(|_| folder.ends_with(SCANS)) {
+    let real = || canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
+    let named = if folder.ends_with(SCANS) { folder.to_owned() } else { real() };
+    match named.parent().filter(|_| named.ends_with(SCANS)) {
         Some(above) if above.as_os_str().is_empty() => Path::new(".").to_owned(),
         Some(above) => above.to_owned(),
         None => folder.to_owned(),
@@ -219,11 +222,22 @@ mod tests {
             ("poses/07.txt", POSES),
         ]);
         let sequence = data.path().join("sequences/07");
-        for folder in [&sequence, &sequence.join("velodyne")] {
+        fs::create_dir(sequence.join("velodyne/more")).unwrap();
+        let around = sequence.join("velodyne/more/..");
+        for folder in [&sequence, &sequence.join("velodyne"), &around] {
             let file = poses_file(folder).unwrap();
             let found = poses(folder, &file, 2).unwrap();
             let ahead = relative(&found[0], &found[1]).translation.vector.x;
             assert!((ahead - 2.3).abs() < 1e-12, "{ahead}");
+        }
+        #[cfg(unix)]
+        {
+            let linked = data.path().join("sequences/08");
+            fs::create_dir(&linked).unwrap();
+            std::os::unix::fs::symlink("../07/velodyne", linked.join("velodyne")).unwrap();
+            fs::write(linked.join("poses.txt"), "").unwrap();
+            let own = poses_file(&linked.join("velodyne")).unwrap();
+            assert_eq!(own, linked.join("poses.txt"), "beside the link, not beside its scans");
         }
         fs::write(sequence.join("poses.txt"), "").unwrap();
         assert_eq!(poses_file(&sequence).unwrap(), sequence.join("poses.txt"), "the nearer one");

@@ -459,6 +459,21 @@ fn a_sequence_in_kitti_s_layout_is_judged_by_its_camera_s_poses() {
     assert_eq!(records.len(), 5);
     let near = |record: &Value| record["translation_error_m"].as_f64() < Some(0.05);
     assert!(records.iter().all(near), "{}", told.stdout);
+    // From within the folder of scans.
+    let within = |arguments: &[&str]| {
+        let mut command = fixture.command(arguments);
+        let output = command.current_dir(fixture.path(kitti).join("velodyne")).output();
+        CommandOutput::from_output(output.expect("echoloop starts"))
+    };
+    let here =
+        within(&["evaluate", "-q", "-c", "../../../../small.toml", "--pairs", ".", "--json"]);
+    assert_eq!(errors(&here.json()), errors(&of_camera));
+    let here = ["register", ".", "--sequence", "--json", "--method", "icp", "--truth"];
+    let here = within(&[&here[..], &["../../../poses/07.txt"]].concat());
+    let of = |text: &str| -> Vec<Value> {
+        lines(text).iter().map(|record| record["translation_error_m"].clone()).collect()
+    };
+    assert_eq!((of(&here.stdout), here.code), (of(&told.stdout), Some(0)), "{}", here.stderr);
     fixture.write("kitti/sequences/07/calib.txt", "P0: 7 0 0\n");
     let named = ["07/calib.txt: expected a line Tr: with camera_from_velodyne, found P0"];
     fixture.refuses(&[&EVALUATE[..], &["--pairs", kitti]].concat(), &named);
