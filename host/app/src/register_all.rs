@@ -76,6 +76,9 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
         output.write(page(args, &batch, &records, &tally).to_html().as_bytes())?;
     }
     if !args.common.quiet {
+        if args.sequence && args.output.is_some() {
+            say_gaps(&records);
+        }
         say(&tally);
     }
     match tally.untried.len() {
@@ -181,4 +184,25 @@ fn trajectories(folder: &Path, records: &[Record]) -> Result<(), Failure> {
             .map_err(|error| Failure::run(format!("{}: {error}", path.display())))?;
     }
     Ok(())
+}
+
+/// Most scans that a remark names; the lines of the pairs tell the others.
+const MOST_NAMED: usize = 20;
+
+/// Says where the trajectory is not to be trusted: its files have a pose a scan, and no more.
+fn say_gaps(records: &[Record]) {
+    let sequence::Gaps { still, doubtful } = sequence::gaps(records);
+    for (scans, what) in [
+        (still, "could not be tried, and the trajectory stands still there"),
+        (doubtful, "did not register, and the trajectory is doubtful from there on"),
+    ] {
+        let named = scans.iter().take(MOST_NAMED).copied().collect::<Vec<_>>().join(", ");
+        let more = match scans.len().saturating_sub(MOST_NAMED) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        if !scans.is_empty() {
+            say(format_args!("motion not known: the pairs of scans {named}{more} {what}"));
+        }
+    }
 }

@@ -36,7 +36,8 @@ pub fn pairs_apart(world_from_sensor: &[Pose], apart_m: f64) -> Vec<[usize; 2]> 
     pairs
 }
 
-/// Pose of each scan in the frame of the first. A pair without a motion stands still.
+/// Pose of each scan in the frame of the first. A pair without a motion stands still, and one that
+/// did not register has the motion that it ended with: [`gaps`].
 ///
 /// ```text
 /// first_from_k = first_from_(k−1) · target_from_source
@@ -48,6 +49,26 @@ pub fn chain(records: &[Record]) -> Vec<Pose> {
         poses.push(last * record.motion().unwrap_or_default());
     }
     poses
+}
+
+/// Scans whose motion from the one before is not known, by name.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Gaps<'a> {
+    /// Those of pairs that could not be tried: the trajectory stands still.
+    pub still: Vec<&'a str>,
+    /// Those of pairs that did not register: its motion cannot be trusted.
+    pub doubtful: Vec<&'a str>,
+}
+
+/// Gaps of a chain.
+pub fn gaps(records: &[Record]) -> Gaps<'_> {
+    let names = |is: &dyn Fn(&Record) -> bool| {
+        records.iter().filter(|record| is(record)).map(|record| &*record.name).collect()
+    };
+    Gaps {
+        still: names(&|record| record.motion().is_none()),
+        doubtful: names(&|record| record.motion().is_some() && !record.converged),
+    }
 }
 
 /// Trajectory in TUM's format: number of the scan for its time, then `x y z qx qy qz qw`.

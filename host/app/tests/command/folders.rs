@@ -198,6 +198,29 @@ fn a_sequence_is_chained_to_a_trajectory() {
     let back = [last[3], last[7], last[11]];
     assert!(back.iter().all(|metres| metres.abs() < 0.05), "there and back again: {back:?}");
     assert_eq!(fixture.read("done/poses_tum.txt").lines().count(), 3);
+    assert!(!told.stderr.contains("motion not known"), "{}", told.stderr);
+    // A scan of one point registers with none, and one that is no cloud is not tried.
+    fixture.write("drive/000003.ply", fixture.bytes("drive/000002.ply"));
+    fixture.write("drive/000004.ply", "no cloud");
+    let point = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n\
+                 property float z\nend_header\n1 0 0\n";
+    fixture.write("drive/000005.ply", point);
+    fixture.write("drive/000006.ply", point);
+    let gaps = fixture.run(&["register", "drive", "--sequence", "-o", "done"]);
+    assert_eq!(gaps.code, Some(2), "{}", gaps.stderr);
+    for said in [
+        "motion not known: the pairs of scans 000004, 000005 could not be tried, and the \
+         trajectory stands still there",
+        "motion not known: the pairs of scans 000006 did not register, and the trajectory is",
+    ] {
+        assert!(gaps.stderr.contains(said), "{said} in {}", gaps.stderr);
+    }
+    let trajectory = fixture.read("done/poses_kitti.txt");
+    let rows: Vec<&str> = trajectory.lines().collect();
+    assert!(rows.len() == 7 && rows[3] == rows[4] && rows[4] == rows[5], "{trajectory}");
+    ["3", "4", "5", "6"].iter().for_each(|scan| {
+        fs::remove_file(fixture.path(&format!("drive/00000{scan}.ply"))).expect("removed");
+    });
     fixture.write(
         "drive/two.txt",
         poses.lines().take(2).map(|line| format!("{line}\n")).collect::<String>(),
