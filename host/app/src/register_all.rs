@@ -8,7 +8,7 @@ use super::exit::{Failure, print};
 use super::interrupt::{INTERRUPTED, stop_on_interrupt};
 use super::progress::Progress;
 use super::register::RegisterArgs;
-use echoloop_closed_loop::run_folder::files::Output;
+use echoloop_closed_loop::run_folder::files::{FileError, Lock, Output, make_folders};
 use echoloop_closed_loop::search::Observer;
 use echoloop_clouds::pose::to_kitti;
 use echoloop_files::say;
@@ -37,6 +37,7 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
     let truths = |poses| sequence::truths(&args.target, poses, pairs.len());
     let truths = args.truth.as_deref().map(truths).transpose().map_err(Failure::usage)?;
     refuse_inputs(args, &pairs)?;
+    let _lock = args.output.as_deref().map(locked).transpose()?;
     let settings = settings(&request, args);
     let open = |folder| Kept::open(folder, &settings).map_err(Failure::usage);
     let mut kept = args.output.as_deref().map(open).transpose()?;
@@ -103,6 +104,13 @@ fn refuse_inputs(args: &RegisterArgs, pairs: &[PairFiles]) -> Result<(), Failure
         ))),
         None => Ok(()),
     }
+}
+
+/// Makes the output's folder, and keeps it from other processes: lines of two would mix, and both
+/// lay the same sources.
+fn locked(folder: &Path) -> Result<Lock, FileError> {
+    make_folders(folder)?;
+    Lock::take(&folder.join("registered.lock"))
 }
 
 /// The same text for the same registration.

@@ -4,6 +4,7 @@
 use std::fs;
 
 use crate::fixture::{CommandOutput, Fixture};
+use echoloop_closed_loop::run_folder::files::Lock;
 use echoloop_clouds::pose::{Pose, from_rows, read_trajectory, to_kitti};
 use echoloop_clouds::read_cloud;
 use serde_json::{Value, json};
@@ -121,6 +122,22 @@ fn an_output_that_is_an_input_is_refused_before_any_work() {
     assert!(written.iter().all(|name| fixture.read(name) == "a scan"));
     let left = |folder| fs::read_dir(fixture.path(folder)).expect("a folder").count();
     assert_eq!((left("drive"), left("apart")), (3, 1), "nothing is begun");
+}
+
+#[test]
+fn one_process_at_a_time_keeps_a_folder() {
+    let fixture = Fixture::new();
+    fixture.succeed(&["pairs", "-q", "-c", "small.toml", "-o", "pairs"]);
+    let command = ["register", "pairs", "-q", "--method", "icp", "-o", "deep/done"];
+    fixture.succeed(&command);
+    let whole = fixture.read("deep/done/registered.jsonl");
+    let path = fixture.path("deep/done/registered.lock");
+    assert!(!path.exists(), "released");
+    let held = Lock::take(&path).expect("no other has it");
+    fixture.refuses(&command, &["deep/done/registered.lock", "another process"]);
+    drop(held);
+    fixture.succeed(&command);
+    assert_eq!(fixture.read("deep/done/registered.jsonl"), whole);
 }
 
 #[test]
