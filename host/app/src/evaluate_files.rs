@@ -28,11 +28,10 @@ pub(super) fn run(
     values: &Values,
 ) -> Result<(), Failure> {
     check(args, path, values)?;
-    let device = config.device();
-    let laid = Parameters::start(config, &device)?.with_values(values, config, &device);
-    let parameters = laid.map_err(|problem| args.refused(problem))?;
+    let laid = Parameters::registration_of(config, values);
+    let registration = laid.map_err(|problem| args.refused(problem))?;
     let pairs = KnownPairs::list(path, config.data.hard_baseline_m()).map_err(Failure::usage)?;
-    let method = parameters.registration.method.method();
+    let method = registration.method.method();
     if pairs.have_initial() && method.is_rough() {
         let error = RequestError::Initial(method);
         return Err(Failure::usage(format!("{}: {error}", path.display())));
@@ -41,7 +40,7 @@ pub(super) fn run(
     let progress = Progress::new(args.setup.common.quiet);
     progress.begin("judging", pairs.len() as u64);
     let judge = |index: usize, KnownPair { clouds, initial, truth }: &KnownPair| {
-        register_clouds(&parameters.registration, index, clouds, initial, truth).0
+        register_clouds(&registration, index, clouds, initial, truth).0
     };
     let Tried { done, untried } = pairs.each(&judge, &stop, &|| progress.evaluated());
     progress.end();
@@ -53,9 +52,7 @@ pub(super) fn run(
     let mut judged = Ok(());
     if !errors.is_empty() {
         let summary = Summary::from_errors(errors, &config.data);
-        let mut values = parameters.values(config);
-        values.retain(|name, _| !name.starts_with(SENSOR));
-        print(args, path, &values, (&names, &summary))?;
+        print(args, path, &registration.values(config), (&names, &summary))?;
         judged = require_recall(args.require_recall, &summary);
     }
     untried.iter().for_each(|why| say(format_args!("not tried: {why}")));

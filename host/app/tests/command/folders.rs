@@ -310,6 +310,14 @@ fn written_pairs_are_judged_as_the_traced_ones() {
         assert_eq!(written["parameters"][voxel], traced["parameters"][voxel]);
         assert!(written["summary"]["cost"].is_null() && written["set"].is_null());
     }
+    // A pulse above the laser's limit, for which traced pairs are refused, is nothing to them.
+    let bright = ["--set", "lidar.power=100"];
+    let traced = evaluate(&fixture, "test", &bright);
+    let limit = "above the pulse energy limit";
+    assert!(traced.code == Some(2) && traced.stderr.contains(limit), "{}", traced.stderr);
+    let [written, without] = [&bright[..], &[]]
+        .map(|set| evaluate(&fixture, "icp", &[set, &["--json"]].concat()).json());
+    assert_eq!(written, without);
     let text = evaluate(&fixture, "icp", &[]);
     assert!(text.stdout.contains(" % of 3 pairs of icp\n"), "{}", text.stdout);
     assert!(text.stdout.ends_with(" a scan\n"), "no costs: {}", text.stdout);

@@ -101,6 +101,21 @@ impl Parameters {
         Ok(parameters)
     }
 
+    /// Registration of a configuration with values laid over it, where no sensor plays a part: its
+    /// settings are not looked at.
+    ///
+    /// # Errors
+    ///
+    /// As [`Parameters::start`] and [`Parameters::with_values`], of the registration alone.
+    pub fn registration_of(config: &RunConfig, values: &Values) -> Result<ThetaReg, ValueError> {
+        let ranges = Ranges::from(config).of_registration(config.registration.method);
+        let registration = ThetaReg::start(&config.registration, &ranges)?;
+        let start = Self { settings: config.lidar.0, registration };
+        let registration = start.laid(values, config.into())?.registration;
+        registration.check()?;
+        Ok(registration)
+    }
+
     /// A copy of a configuration that starts with these parameters.
     pub fn as_start_of(&self, config: &RunConfig) -> RunConfig {
         let mut config = config.clone();
@@ -136,10 +151,8 @@ impl Parameters {
     /// Values of all parameters by name, in their units.
     pub fn values<'a>(&self, ranges: impl Into<Ranges<'a>>) -> Values {
         let lidar = PARAMETERS.iter().map(|p| format!("lidar.{}", p.name));
-        let registration =
-            self.registration_axes(ranges).into_iter().map(|axis| axis.name.to_owned());
-        let names = lidar.chain(registration);
-        names.filter_map(|name| self.get(&name).map(|value| (name, value))).collect()
+        let lidar = lidar.filter_map(|name| self.get(&name).map(|value| (name, value)));
+        lidar.chain(self.registration.values(ranges)).collect()
     }
 
     /// The axes of the method these parameters are for.
@@ -154,12 +167,19 @@ impl Parameters {
     /// [`ValueError`] names the first that is unknown, not finite or no whole number; then the
     /// first out of range; then what the joint constraints refuse.
     pub fn with_values<'a>(
-        mut self,
+        self,
         values: &Values,
         ranges: impl Into<Ranges<'a>>,
         device: &Device,
     ) -> Result<Self, ValueError> {
-        let ranges = ranges.into();
+        let laid = self.laid(values, ranges.into())?;
+        device.check(&laid.settings)?;
+        laid.registration.check()?;
+        Ok(laid)
+    }
+
+    /// Lays values over these parameters, each checked by itself.
+    fn laid(mut self, values: &Values, ranges: Ranges<'_>) -> Result<Self, ValueError> {
         let axes = self.registration_axes(ranges);
         let values = recognised(values, &axes)?;
         for (name, &value) in &values {
@@ -168,8 +188,6 @@ impl Parameters {
             }
             self.set(name, value);
         }
-        device.check(&self.settings)?;
-        self.registration.check()?;
         Ok(self)
     }
 }

@@ -9,6 +9,7 @@ use echoloop_registration::{
 
 use super::axis::Axis;
 use super::error::ValueError;
+use super::{Ranges, Values};
 use crate::config::RegistrationConfig;
 use crate::config::preset::Preset;
 
@@ -96,6 +97,13 @@ impl ThetaReg {
     /// The value of a named axis, in its unit.
     pub fn get(&self, name: &str) -> Option<f64> {
         name.strip_prefix(SECTION).and_then(|key| self.method.get(key))
+    }
+
+    /// Values of the axes by name, in their units.
+    pub fn values<'a>(&self, ranges: impl Into<Ranges<'a>>) -> Values {
+        let axes = ranges.into().of_registration(self.method.method());
+        let named = axes.iter().map(|axis| axis.name);
+        named.filter_map(|name| self.get(name).map(|value| (name.to_owned(), value))).collect()
     }
 
     /// Sets a named axis; false when the method has none of that name.
