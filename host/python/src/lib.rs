@@ -25,7 +25,7 @@ mod _native {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         crate::threads::loaded();
-        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        module.setattr("__version__", env!("CARGO_PKG_VERSION"))?;
         if let Ok(file) = module.filename() {
             of_library(file.extract()?);
         }

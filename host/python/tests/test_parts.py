@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import echoloop
 import numpy as np
@@ -41,7 +42,7 @@ def test_a_file_that_is_no_cloud_is_named(tmp_path: Path) -> None:
 
 
 def test_an_object_with_points_has_a_deviation_for_each() -> None:
-    given = SimpleNamespace(points=np.ones((3, 3)))
+    given: Any = SimpleNamespace(points=np.ones((3, 3)))
     assert echoloop.Cloud(given, range_sd_m=[0.1] * 3).range_sd_m is not None
 
 
