@@ -36,14 +36,14 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// Identity of a search's tasks.
-    pub fn of(search: &TuneSearch<'_>) -> Self {
-        let Header { program, link_schema, sensor, config, content, .. } = search.header();
+    /// Identity of the tasks of the search whose journal begins so.
+    fn of(header: &Header) -> Self {
+        let Header { program, link_schema, sensor, config, content, .. } = header;
         let scans = serde_json::json!([link_schema, sensor, content]);
-        let sum = |document: serde_json::Value| {
+        let sum = |document: &serde_json::Value| {
             Checksum::of(&[document.to_string().as_bytes()]).to_string()
         };
-        Self { program, configuration: sum(config), scans: sum(scans) }
+        Self { program: program.clone(), configuration: sum(config), scans: sum(&scans) }
     }
 }
 
@@ -119,7 +119,7 @@ pub struct Worker {
 impl Worker {
     /// Worker for the searches of these pairs.
     pub fn new(prepared: Arc<Prepared>) -> Self {
-        let identity = Identity::of(&prepared.search(&AtomicBool::new(false)));
+        let identity = Identity::of(&prepared.search(&AtomicBool::new(false)).header());
         Self { prepared, identity }
     }
 
@@ -256,11 +256,8 @@ impl Tuner {
     /// [`JournalError`] of a folder that holds another run, or cannot be written.
     pub fn new(prepared: Arc<Prepared>, folder: RunFolder) -> Result<Self, JournalError> {
         let desk = Arc::new(Desk::default());
-        let never = AtomicBool::new(false);
-        let (header, identity) = {
-            let search = prepared.search(&never);
-            (search.header(), Identity::of(&search))
-        };
+        let header = prepared.search(&AtomicBool::new(false)).header();
+        let identity = Identity::of(&header);
         let path = folder.file(HISTORY);
         let (mut journal, done) = match path.exists() {
             true => Journal::resume(&path, &header, false)?,
@@ -363,9 +360,7 @@ impl Tuner {
     pub fn result(&self) -> Option<Result<Box<RunResult>, String>> {
         self.desk.state().ended.clone()
     }
-}
 
-impl Tuner {
     /// Ends the search and lets go of the folder. The journal holds each whole generation: the run
     /// goes on later.
     pub fn close(&self) {

@@ -146,6 +146,7 @@ mod tests {
     use echoloop_clouds::pose::{frobenius_error, relative};
 
     use super::*;
+    use crate::of_tests::folder;
 
     /// The velodyne, x ahead and z up, 0.3 m behind the camera, z ahead and y down.
     const TR: &str = "P0: 7 0 0 0\nTr: 0 -1 0 0  0 0 -1 0  1 0 0 -0.3\n";
@@ -159,16 +160,6 @@ mod tests {
                            -1.198459927713e-02 -7.210626507497e-03 8.081198471645e-03 \
                            -9.999413164504e-01 -5.403984729748e-02 9.999738645903e-01 \
                            4.859485810390e-04 -7.206933692422e-03 -2.921968648686e-01\n";
-
-    fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
-        let folder = tempfile::tempdir().unwrap();
-        for (name, text) in files {
-            let path = folder.path().join(name);
-            fs::create_dir_all(path.parent().unwrap()).unwrap();
-            fs::write(path, text).unwrap();
-        }
-        folder
-    }
 
     fn names(folder: &Path) -> Vec<String> {
         let scans = scans(folder).unwrap();

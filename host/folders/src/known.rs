@@ -163,19 +163,10 @@ mod tests {
     use std::sync::atomic::AtomicUsize;
 
     use super::*;
+    use crate::of_tests::folder;
 
     /// Two sensors 10 m apart, seen from the other's frame.
     const TRUTH: &str = "1 0 0 10 0 1 0 0 0 0 1 0\n";
-
-    fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
-        let folder = tempfile::tempdir().unwrap();
-        for (name, text) in files {
-            let path = folder.path().join(name);
-            fs::create_dir_all(path.parent().unwrap()).unwrap();
-            fs::write(path, text).unwrap();
-        }
-        folder
-    }
 
     fn row(x: f64) -> String {
         format!("1 0 0 {x} 0 1 0 0 0 0 1 0\n")

@@ -25,3 +25,19 @@ pub use known::{KnownError, KnownPair, KnownPairs, Tried};
 pub use list::{ListError, PairFiles};
 pub use overwritten::overwritten;
 pub use record::{CSV_HEADING, Record, Tally, worst};
+
+#[cfg(test)]
+mod of_tests {
+    use std::fs;
+
+    /// A folder with files of these names and texts.
+    pub(crate) fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().expect("a folder");
+        for (name, text) in files {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.parent().expect("a parent")).expect("a folder");
+            fs::write(path, text).expect("a file");
+        }
+        folder
+    }
+}

@@ -275,14 +275,7 @@ fn of_table(path: &Path) -> Result<Vec<PairFiles>, String> {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-
-    fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
-        let folder = tempfile::tempdir().unwrap();
-        for (name, text) in files {
-            fs::write(folder.path().join(name), text).unwrap();
-        }
-        folder
-    }
+    use crate::of_tests::folder;
 
     fn said(files: &[(&str, &str)], path: &str) -> String {
         let folder = folder(files);

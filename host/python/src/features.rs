@@ -19,10 +19,9 @@ fn rows3<'py>(py: Python<'py>, rows: impl IntoIterator<Item = [f32; 3]>) -> PyRe
     PyArray1::from_slice(py, rows.as_flattened()).reshape([rows.len(), 3])
 }
 
-/// Finite points, as they are.
-fn finite(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<Point3<f32>>> {
-    let points: Vec<Point3<f32>> =
-        Rows::<3>::of(argument, given)?.single().into_iter().map(Point3::from).collect();
+/// Finite rows, as they are.
+fn finite(argument: &str, rows: Vec<[f32; 3]>) -> PyResult<Vec<Point3<f32>>> {
+    let points: Vec<Point3<f32>> = rows.into_iter().map(Point3::from).collect();
     match points.iter().position(|point| !echoloop_clouds::is_finite(point)) {
         Some(row) => Err(value(argument, format!("expected finite numbers, row {row} has others"))),
         None => Ok(points),
@@ -121,10 +120,12 @@ pub(crate) fn fpfh<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let radius_m = positive("radius_m", radius_m)?;
     let most = neighbours("max_neighbours", max_neighbours)?;
-    near(Rows::<3>::of("points", points)?)?;
-    let points = finite("points", points)?;
+    let points = finite("points", near(Rows::<3>::of("points", points)?)?)?;
     let normals: Vec<Vector3<f32>> =
-        finite("normals", normals)?.into_iter().map(|normal| normal.coords).collect();
+        finite("normals", Rows::<3>::of("normals", normals)?.single())?
+            .into_iter()
+            .map(|normal| normal.coords)
+            .collect();
     if normals.len() != points.len() {
         let problem =
             format!("expected {} rows, one a point, found {}", points.len(), normals.len());
